@@ -27,6 +27,7 @@ use crate::{
 /// `entity`. In a self-collision, both sides are the same entity.
 #[derive(Message, EntityEvent, Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "reflect", derive(Reflect), reflect(Message, Event, Clone, Debug, PartialEq))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct SurfaceContactStart {
     /// One side.
     pub entity: Entity,
@@ -38,6 +39,7 @@ pub struct SurfaceContactStart {
 /// longer takes part. Sent like [`SurfaceContactStart`]. Entities that no longer exist get no event.
 #[derive(Message, EntityEvent, Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "reflect", derive(Reflect), reflect(Message, Event, Clone, Debug, PartialEq))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct SurfaceContactEnd {
     /// One side.
     pub entity: Entity,

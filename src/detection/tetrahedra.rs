@@ -47,6 +47,7 @@ impl Plugin for TetrahedralContainmentPlugin {
 
 /// A vertex of one body that lies in a tetrahedron of another, or in one of its own body.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct VertexContainment {
     /// The body of the vertex.
     pub body: Entity,

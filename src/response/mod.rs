@@ -117,6 +117,8 @@
 //! ```
 
 mod body;
+#[cfg(feature = "serde")]
+mod compliance;
 mod contact;
 mod forces;
 mod gather;

@@ -18,6 +18,7 @@ use crate::kernel::{
 
 /// One side of a contact.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum ContactSide {
     /// A deformable surface.
     Surface(Entity),

@@ -155,12 +155,14 @@ impl SurfaceBuilder<'_> {
 /// it is unspecified which stages notice such a write.
 #[derive(Component, Clone, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "reflect", derive(Reflect), reflect(Component, Clone, Debug, Default, PartialEq))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct SurfacePositions(pub Vec<Vec3>);
 
 /// Half the distance at which two equal surfaces touch. Two surfaces touch within the sum of their thicknesses. A rigid
 /// shape has no thickness: a surface touches it within its own.
 #[derive(Component, Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "reflect", derive(Reflect), reflect(Component, Clone, Debug, Default, PartialEq))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum SurfaceThickness {
     /// In world units, 0 or more.
     World(f32),
@@ -180,12 +182,14 @@ impl Default for SurfaceThickness {
 /// triangles that share a vertex, or that have [welded](SurfaceBuilder::weld_within) vertices in common.
 #[derive(Component, Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "reflect", derive(Reflect), reflect(Component, Clone, Debug, Default, PartialEq))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct SelfCollision;
 
 /// How a pair of triangles is tested. If two surfaces have different methods, the more exact one decides, which is the
 /// later one here. Against a [`RigidShape`](super::RigidShape) the test is always exact.
 #[derive(Component, Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
 #[cfg_attr(feature = "reflect", derive(Reflect), reflect(Component, Clone, Debug, Default, PartialEq))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum ContactMethod {
     /// Triangles touch if their enclosing balls come within the contact distance. Coarse.
     BoundingSphere,
@@ -219,6 +223,8 @@ impl ContactMethod {
 /// that the other one meets.
 #[derive(Component, Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "reflect", derive(Reflect), reflect(Component, Clone, Debug, Default, PartialEq))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", serde(default, deny_unknown_fields))]
 pub struct SurfaceLayers {
     /// One bit per group that it belongs to. Default: the first group.
     pub memberships: u32,
@@ -244,6 +250,7 @@ impl SurfaceLayers {
 /// This determines the sign of distances and the direction of normals, never what touches.
 #[derive(Component, Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "reflect", derive(Reflect), reflect(Component, Clone, Debug, Default, PartialEq))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum Sidedness {
     /// One-sided if the mesh is closed and consistently wound, two-sided otherwise.
     #[default]
@@ -272,6 +279,7 @@ impl Sidedness {
 /// Which surface a mesh stands for. Both sides of a pair may differ.
 #[derive(Component, Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "reflect", derive(Reflect), reflect(Component, Clone, Debug, Default, PartialEq))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum SurfaceShape {
     /// The flat triangles themselves.
     #[default]
@@ -292,6 +300,7 @@ pub enum SurfaceShape {
 /// What the positions are relative to.
 #[derive(Component, Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "reflect", derive(Reflect), reflect(Component, Clone, Debug, Default, PartialEq))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum SurfaceFrame {
     /// The entity. Its transform and those of its parents apply: rotation, translation, uniform scale, mirroring.
     #[default]
@@ -303,6 +312,7 @@ pub enum SurfaceFrame {
 /// Excludes a surface or shape from detection while present.
 #[derive(Component, Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "reflect", derive(Reflect), reflect(Component, Clone, Debug, Default, PartialEq))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct SurfaceDisabled;
 
 /// Insert it when the positions or the pose of a surface or shape jump. The next tick uses no results of earlier ticks
@@ -313,12 +323,14 @@ pub struct SurfaceDisabled;
 /// sweeping the way.
 #[derive(Component, Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "reflect", derive(Reflect), reflect(Component, Clone, Debug, Default, PartialEq))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Teleported;
 
 /// Enables messages and entity events about the contacts of a surface or shape, while present. If inserted during a
 /// contact, it reports the end of that contact but not its start.
 #[derive(Component, Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "reflect", derive(Reflect), reflect(Component, Clone, Debug, Default, PartialEq))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct ContactEventsEnabled;
 
 /// The order of contacts, independent of the spawn order, lower first. For worlds that must agree between machines.
@@ -326,6 +338,7 @@ pub struct ContactEventsEnabled;
 /// always the second side.
 #[derive(Component, Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 #[cfg_attr(feature = "reflect", derive(Reflect), reflect(Component, Clone, Debug, Default, PartialEq))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct SurfaceOrder(pub u32);
 
 /// The state of a surface or shape in the last tick.

@@ -12,6 +12,8 @@ mod prepare;
 mod quarantine;
 mod query_only;
 mod rigid_shape;
+#[cfg(feature = "serde")]
+mod serialized;
 mod spheres;
 mod swept;
 mod tetrahedral_body;

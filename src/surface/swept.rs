@@ -37,6 +37,7 @@ use crate::kernel::pose::Pose;
 #[require(PreviousPositions, SweptTarget)]
 #[component(on_remove = Self::on_remove)]
 #[cfg_attr(feature = "reflect", derive(Reflect), reflect(Component, Clone, Debug, Default, PartialEq))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct SweptCollision;
 
 impl SweptCollision {

@@ -73,6 +73,8 @@ impl SurfaceFromMesh {
 /// [`SurfaceFromMesh`].
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "reflect", derive(Reflect), reflect(Clone, Debug, Default, PartialEq))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", serde(default, deny_unknown_fields))]
 pub struct SurfaceSettings {
     /// Half the contact distance.
     pub thickness: Option<SurfaceThickness>,
