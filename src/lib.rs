@@ -110,10 +110,10 @@ pub mod prelude {
         settings::{CircumsphereSettings, SphereContactDetail},
         spatial_query::{RayHit, SurfaceQuery, SurfaceQueryFilter},
         surface::{
-            ContactEventsEnabled, ContactMethod, ContactSide, DeformableSurface, QuarantineReason, QueryOnly,
-            RigidShape, SelfCollision, Sidedness, SurfaceDisabled, SurfaceFrame, SurfaceLayers, SurfaceOrder,
-            SurfacePositions, SurfaceQuarantined, SurfaceShape, SurfaceStatus, SurfaceThickness, SweptCollision,
-            SweptTarget, Teleported, TetrahedralBody,
+            ContactEventHold, ContactEventsEnabled, ContactMethod, ContactSide, DeformableSurface, QuarantineReason,
+            QueryOnly, RigidShape, SelfCollision, Sidedness, SurfaceDisabled, SurfaceFrame, SurfaceLayers,
+            SurfaceOrder, SurfacePositions, SurfaceQuarantined, SurfaceShape, SurfaceStatus, SurfaceThickness,
+            SweptCollision, SweptTarget, Teleported, TetrahedralBody,
         },
     };
     pub use parry3d::shape::SharedShape;

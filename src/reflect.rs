@@ -14,9 +14,9 @@ use crate::{
     },
     settings::CircumsphereSettings,
     surface::{
-        ActiveSurfaces, Circumspheres, ContactEventsEnabled, ContactMethod, DeformableSurface, EnclosingBalls,
-        PreviousPositions, QueryOnly, RigidShape, SelfCollision, Sidedness, SurfaceDisabled, SurfaceFrame,
-        SurfaceLayers, SurfaceOrder, SurfacePositions, SurfaceQuarantined, SurfaceShape, SurfaceStatus,
+        ActiveSurfaces, Circumspheres, ContactEventHold, ContactEventsEnabled, ContactMethod, DeformableSurface,
+        EnclosingBalls, PreviousPositions, QueryOnly, RigidShape, SelfCollision, Sidedness, SurfaceDisabled,
+        SurfaceFrame, SurfaceLayers, SurfaceOrder, SurfacePositions, SurfaceQuarantined, SurfaceShape, SurfaceStatus,
         SurfaceThickness, SweptCollision, SweptTarget, Teleported, TetrahedralBody, TriangleCones, TriangleCurvature,
     },
 };
@@ -37,7 +37,7 @@ impl Plugin for ReflectPlugin {
     fn build(&self, app: &mut App) {
         register!(app:
             // Written by the game.
-            CircumsphereSettings, ContactEventsEnabled, ContactMethod, DeformableSurface, QueryOnly, RigidShape, SelfCollision,
+            CircumsphereSettings, ContactEventHold, ContactEventsEnabled, ContactMethod, DeformableSurface, QueryOnly, RigidShape, SelfCollision,
             Sidedness, SurfaceDisabled, SurfaceForces, SurfaceFrame, SurfaceFriction, SurfaceLayers, SurfaceOrder,
             SurfacePositions, SurfaceShape, SurfaceThickness, SurfaceWind, SweptCollision, SweptTarget, Teleported, TetrahedralBody, XpbdBody,
             XpbdSettings, XpbdTethers,

@@ -151,17 +151,17 @@ fn stored_pair(active: &ActiveSurfaces, pair: &SurfacePair, found: &PairContacts
     let first = &active.surfaces[pair.first];
     let has_inside = |surface: &ActiveSurface| is_one_sided(surface, pair);
     let (a, b) = sides_of(active, pair);
-    let (topology_b, shape, pose_b, one_sided_b, events_b, order_b) = match pair.second {
+    let (topology_b, shape, pose_b, one_sided_b, events_b, hold_b, order_b) = match pair.second {
         OtherSide::Surface(second) => {
             let second = &active.surfaces[second];
             let topology = Some(Arc::clone(&second.topology));
             let one_sided = has_inside(second);
-            (topology, None, second.pose, one_sided, second.events, second.order)
+            (topology, None, second.pose, one_sided, second.events, second.event_hold, second.order)
         }
         OtherSide::Shape(place) => {
             let shape = &active.shapes[place];
             let geometry = Some(Arc::clone(&shape.geometry));
-            (None, geometry, shape.pose, true, shape.events, shape.order)
+            (None, geometry, shape.pose, true, shape.events, shape.event_hold, shape.order)
         }
     };
     StoredPair {
@@ -181,6 +181,7 @@ fn stored_pair(active: &ActiveSurfaces, pair: &SurfacePair, found: &PairContacts
         poses: [first.pose, pose_b],
         one_sided: [has_inside(first), one_sided_b],
         events: [first.events, events_b],
+        event_hold: first.event_hold.max(hold_b),
         order: (matches!(pair.second, OtherSide::Shape(_)), first.order, order_b),
     }
 }

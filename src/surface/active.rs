@@ -64,6 +64,8 @@ pub struct ActiveSurface {
     pub rigid: bool,
     /// Whether it has contact messages and events enabled.
     pub events: bool,
+    /// How many ticks in a row its contacts may be absent without ending.
+    pub event_hold: u32,
     /// Whether results of earlier ticks are invalid: the surface is new, has a new mesh or frame, was teleported, or
     /// took no part in the last tick.
     pub fresh: bool,
@@ -130,6 +132,8 @@ pub struct ActiveShape {
     pub fresh: bool,
     /// Whether it has contact messages and events enabled.
     pub events: bool,
+    /// How many ticks in a row its contacts may be absent without ending.
+    pub event_hold: u32,
     pub(crate) order: SideOrder,
 }
 

@@ -333,6 +333,18 @@ pub struct Teleported;
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct ContactEventsEnabled;
 
+/// How many ticks in a row a contact of a surface or shape may be absent without ending. Such a gap is neither reported
+/// as an end nor as a new start, so what flickers makes no noise. Of two sides, the larger number counts. Default: 0,
+/// which reports the end in the first tick without the contact.
+///
+/// Only messages and entity events wait, see [`ContactEventsEnabled`]. Contacts themselves come and go as they are. If a
+/// side is despawned, disabled, quarantined, or teleported, or if the two no longer meet by their layers, the contact ends
+/// in the same tick.
+#[derive(Component, Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "reflect", derive(Reflect), reflect(Component, Clone, Debug, Default, PartialEq))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub struct ContactEventHold(pub u32);
+
 /// The order of contacts, independent of the spawn order, lower first. For worlds that must agree between machines.
 /// Default: 0. If equal, the order of registration decides. In a pair of a surface and a rigid shape, the shape is
 /// always the second side.

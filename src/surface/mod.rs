@@ -22,9 +22,9 @@ pub(crate) use active::SideOrder;
 pub use active::{ActiveShape, ActiveSurface, ActiveSurfaces, ContactSide};
 pub(crate) use checked::{CheckedPositions, first_non_finite};
 pub use components::{
-    ContactEventsEnabled, ContactMethod, DeformableSurface, SelfCollision, Sidedness, SurfaceBuilder, SurfaceDisabled,
-    SurfaceFrame, SurfaceLayers, SurfaceOrder, SurfacePositions, SurfaceShape, SurfaceStatus, SurfaceThickness,
-    Teleported,
+    ContactEventHold, ContactEventsEnabled, ContactMethod, DeformableSurface, SelfCollision, Sidedness, SurfaceBuilder,
+    SurfaceDisabled, SurfaceFrame, SurfaceLayers, SurfaceOrder, SurfacePositions, SurfaceShape, SurfaceStatus,
+    SurfaceThickness, Teleported,
 };
 #[cfg(feature = "mesh")]
 pub use mesh::{

@@ -17,9 +17,9 @@ use super::{
     active::{ActiveShape, ActiveSurface, ActiveSurfaces, SideOrder},
     checked::{CheckedPositions, NextRegistration, Registration},
     components::{
-        ContactEventsEnabled, ContactMethod, DeformableSurface, SelfCollision, Sidedness, SurfaceDisabled,
-        SurfaceFrame, SurfaceLayers, SurfaceOrder, SurfacePositions, SurfaceShape, SurfaceStatus, SurfaceThickness,
-        Teleported,
+        ContactEventHold, ContactEventsEnabled, ContactMethod, DeformableSurface, SelfCollision, Sidedness,
+        SurfaceDisabled, SurfaceFrame, SurfaceLayers, SurfaceOrder, SurfacePositions, SurfaceShape, SurfaceStatus,
+        SurfaceThickness, Teleported,
     },
     quarantine::{QuarantineReason, SurfaceQuarantined},
     query_only::QueryOnly,
@@ -91,10 +91,15 @@ struct SurfaceItem {
     disabled: Has<SurfaceDisabled>,
     teleported: Has<Teleported>,
     events: Has<ContactEventsEnabled>,
+    event_hold: Option<&'static ContactEventHold>,
 }
 
 fn order(rigid: bool, order: Option<&SurfaceOrder>, registration: Registration, entity: Entity) -> SideOrder {
     (rigid, order.map_or(0, |order| order.0), registration.0, entity.index_u32())
+}
+
+fn held(hold: Option<&ContactEventHold>) -> u32 {
+    hold.map_or(0, |hold| hold.0)
 }
 
 /// The transforms of entities and their parents.
@@ -185,6 +190,7 @@ fn gather_surfaces(
                         shape: *item.shape,
                         rigid: false,
                         events: item.events,
+                        event_hold: held(item.event_hold),
                         fresh: item.teleported || item.surface.is_changed() || item.frame.is_changed() || !was_active,
                         solver_margins: [0.0; 2],
                         own_margin: 0.0,
@@ -266,6 +272,7 @@ struct ShapeItem {
     disabled: Has<SurfaceDisabled>,
     teleported: Has<Teleported>,
     events: Has<ContactEventsEnabled>,
+    event_hold: Option<&'static ContactEventHold>,
 }
 
 fn gather_shapes(
@@ -306,6 +313,7 @@ fn add_shape(
     let solid = item.shape.0.clone()?;
     let order = order(true, item.order, *item.registration, item.entity);
     let (entity, query_layers, events) = (item.entity, *item.layers, item.events);
+    let event_hold = held(item.event_hold);
     let layers = contact_layers(query_layers, item.query_only);
     if let Some(Solid { geometry, parts }) = solid {
         // A half-space is unbounded, so only its pose has to be in range.
@@ -324,6 +332,7 @@ fn add_shape(
             query_layers,
             fresh,
             events,
+            event_hold,
             order,
         });
         return Ok(());
@@ -348,6 +357,7 @@ fn add_shape(
         shape: item.surface_shape.copied().unwrap_or_default(),
         rigid: true,
         events,
+        event_hold,
         fresh,
         solver_margins: [0.0; 2],
         own_margin: 0.0,

@@ -218,6 +218,7 @@ fn is_same_surface(surface: &ActiveSurface, last: &ActiveSurface) -> bool {
         && surface.one_sided == last.one_sided
         && surface.shape == last.shape
         && surface.events == last.events
+        && surface.event_hold == last.event_hold
         && surface.rigid == last.rigid
 }
 
@@ -228,4 +229,5 @@ fn is_same_shape(shape: &ActiveShape, last: &ActiveShape) -> bool {
         && shape.pose.has_bits_of(&last.pose)
         && shape.margin.to_bits() == last.margin.to_bits()
         && shape.events == last.events
+        && shape.event_hold == last.event_hold
 }
