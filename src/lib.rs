@@ -111,9 +111,9 @@ pub mod prelude {
         spatial_query::{RayHit, SurfaceQuery, SurfaceQueryFilter},
         surface::{
             ContactEventHold, ContactEventsEnabled, ContactMethod, ContactSide, DeformableSurface, QuarantineReason,
-            QueryOnly, RigidShape, SelfCollision, Sidedness, SurfaceDisabled, SurfaceFrame, SurfaceLayers,
-            SurfaceOrder, SurfacePositions, SurfaceQuarantined, SurfaceShape, SurfaceStatus, SurfaceThickness,
-            SweptCollision, SweptTarget, Teleported, TetrahedralBody,
+            QueryOnly, RestContactsIgnored, RigidShape, SelfCollision, Sidedness, SurfaceDisabled, SurfaceFrame,
+            SurfaceLayers, SurfaceOrder, SurfacePositions, SurfaceQuarantined, SurfaceShape, SurfaceStatus,
+            SurfaceThickness, SweptCollision, SweptTarget, Teleported, TetrahedralBody,
         },
     };
     pub use parry3d::shape::SharedShape;

@@ -15,9 +15,10 @@ use crate::{
     settings::CircumsphereSettings,
     surface::{
         ActiveSurfaces, Circumspheres, ContactEventHold, ContactEventsEnabled, ContactMethod, DeformableSurface,
-        EnclosingBalls, PreviousPositions, QueryOnly, RigidShape, SelfCollision, Sidedness, SurfaceDisabled,
-        SurfaceFrame, SurfaceLayers, SurfaceOrder, SurfacePositions, SurfaceQuarantined, SurfaceShape, SurfaceStatus,
-        SurfaceThickness, SweptCollision, SweptTarget, Teleported, TetrahedralBody, TriangleCones, TriangleCurvature,
+        EnclosingBalls, PreviousPositions, QueryOnly, RestContactsIgnored, RigidShape, SelfCollision, Sidedness,
+        SurfaceDisabled, SurfaceFrame, SurfaceLayers, SurfaceOrder, SurfacePositions, SurfaceQuarantined, SurfaceShape,
+        SurfaceStatus, SurfaceThickness, SweptCollision, SweptTarget, Teleported, TetrahedralBody, TriangleCones,
+        TriangleCurvature,
     },
 };
 
@@ -37,7 +38,7 @@ impl Plugin for ReflectPlugin {
     fn build(&self, app: &mut App) {
         register!(app:
             // Written by the game.
-            CircumsphereSettings, ContactEventHold, ContactEventsEnabled, ContactMethod, DeformableSurface, QueryOnly, RigidShape, SelfCollision,
+            CircumsphereSettings, ContactEventHold, ContactEventsEnabled, ContactMethod, DeformableSurface, QueryOnly, RestContactsIgnored, RigidShape, SelfCollision,
             Sidedness, SurfaceDisabled, SurfaceForces, SurfaceFrame, SurfaceFriction, SurfaceLayers, SurfaceOrder,
             SurfacePositions, SurfaceShape, SurfaceThickness, SurfaceWind, SweptCollision, SweptTarget, Teleported, TetrahedralBody, XpbdBody,
             XpbdSettings, XpbdTethers,

@@ -11,7 +11,7 @@ use glam::Vec3;
 
 use super::components::{ContactMethod, SurfaceLayers, SurfaceShape};
 use crate::kernel::{
-    exact::rigid_shape::ShapeGeometry,
+    exact::{rest_pairs::RestPairs, rigid_shape::ShapeGeometry},
     mesh::{bounds::Aabb, topology::SurfaceTopology},
     pose::Pose,
 };
@@ -80,6 +80,8 @@ pub struct ActiveSurface {
     pub margin: f32,
     /// Its box in the world, in world units, grown by thickness and half the margin. Written by the bounds stage.
     pub world_bounds: Aabb,
+    /// Pairs of its own triangles that make no contact.
+    pub(crate) rest_pairs: Option<Arc<RestPairs>>,
     pub(crate) order: SideOrder,
 }
 

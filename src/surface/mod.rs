@@ -8,9 +8,11 @@ mod checked;
 mod components;
 #[cfg(feature = "mesh")]
 mod mesh;
+mod pair_filter;
 mod prepare;
 mod quarantine;
 mod query_only;
+mod rest_contacts;
 mod rigid_shape;
 #[cfg(feature = "serde")]
 mod serialized;
@@ -31,10 +33,12 @@ pub use mesh::{
     DrivenMesh, SurfaceFromMesh, SurfaceFromMeshHierarchy, SurfaceMeshError, SurfaceMeshNotWritten, SurfaceMeshPlugin,
     SurfaceSettings, WriteSurfaceToMesh,
 };
+pub(crate) use pair_filter::{FilterSide, PairFilter};
 pub use prepare::SurfacePlugin;
 pub(crate) use prepare::{GatherSurfaces, PendingQuarantines, Transforms};
 pub use quarantine::{QuarantineReason, SurfaceQuarantined};
 pub use query_only::QueryOnly;
+pub use rest_contacts::{RestContactsError, RestContactsIgnored};
 pub use rigid_shape::RigidShape;
 pub(crate) use spheres::SphereSource;
 pub use spheres::{Circumspheres, EnclosingBalls, TriangleCones, TriangleCurvature};

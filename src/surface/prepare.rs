@@ -23,6 +23,7 @@ use super::{
     },
     quarantine::{QuarantineReason, SurfaceQuarantined},
     query_only::QueryOnly,
+    rest_contacts::RestContactsIgnored,
     rigid_shape::{PreparedShape, RigidMesh, RigidShape, Solid},
 };
 use crate::{
@@ -92,6 +93,7 @@ struct SurfaceItem {
     teleported: Has<Teleported>,
     events: Has<ContactEventsEnabled>,
     event_hold: Option<&'static ContactEventHold>,
+    rest_contacts: Option<&'static RestContactsIgnored>,
 }
 
 fn order(rigid: bool, order: Option<&SurfaceOrder>, registration: Registration, entity: Entity) -> SideOrder {
@@ -196,6 +198,7 @@ fn gather_surfaces(
                         own_margin: 0.0,
                         margin: 0.0,
                         world_bounds: Aabb::EMPTY,
+                        rest_pairs: item.rest_contacts.map(RestContactsIgnored::shared),
                         order: order(false, item.order, *item.registration, item.entity),
                     });
                     SurfaceStatus::Active
@@ -230,6 +233,9 @@ fn validate(item: &mut SurfaceItemItem<'_, '_>, transforms: &Transforms) -> Resu
     };
     if !thickness.is_finite() || thickness < 0.0 {
         return Err(QuarantineReason::Thickness(thickness));
+    }
+    if item.rest_contacts.is_some_and(|contacts| !contacts.is_of(item.surface.topology())) {
+        return Err(QuarantineReason::RestContacts);
     }
     Ok((pose, thickness))
 }
@@ -363,6 +369,7 @@ fn add_shape(
         own_margin: 0.0,
         margin: 0.0,
         world_bounds: Aabb::EMPTY,
+        rest_pairs: None,
         order,
     });
     Ok(())

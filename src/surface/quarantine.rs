@@ -24,6 +24,9 @@ pub enum QuarantineReason {
     /// The thickness is negative or not finite.
     #[error("the thickness {0} is negative or not finite")]
     Thickness(f32),
+    /// Its [`RestContactsIgnored`](super::RestContactsIgnored) was made for another mesh.
+    #[error("RestContactsIgnored was made for another mesh than the surface has now: make it again for this one")]
+    RestContacts,
     /// The transform cannot be used.
     #[error(transparent)]
     Pose(#[from] PoseError),

@@ -17,6 +17,7 @@ mod quarantine;
 mod rebuild;
 mod reductions;
 mod rest;
+mod rest_contacts;
 mod rigid_shapes;
 mod setup;
 mod shape_kinds;

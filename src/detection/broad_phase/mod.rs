@@ -6,6 +6,7 @@
 
 mod brute_force;
 mod custom;
+mod filter;
 mod patches;
 mod tree;
 
@@ -39,13 +40,16 @@ pub(super) use tree::{MovedLeaves, Traversal, needed::Needed};
 /// results at any age, but becomes slower.
 const REBUILD_DECAY: f32 = 1.5;
 
-/// The two steps of the broad phase, in this order.
+/// The steps of the broad phase, in this order.
 #[derive(SystemSet, Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum BroadPhaseSystems {
     /// Pairs surfaces and shapes whose boxes overlap.
     PairSurfaces,
     /// Pairs triangles whose boxes overlap and that no slab separates.
     PairTriangles,
+    /// Leaves out pairs of triangles that make no contact although their surfaces meet, see
+    /// [`RestContactsIgnored`](crate::RestContactsIgnored).
+    Filter,
 }
 
 /// Pairs surfaces and shapes. Needs one algorithm plugin beside it.
@@ -56,13 +60,16 @@ impl Plugin for BroadPhasePlugin {
         app.init_resource::<CandidateTrianglePairs>().init_resource::<DetectionMemory>().init_resource::<KeptPairs>();
         app.configure_sets(
             SurfaceDetection,
-            (BroadPhaseSystems::PairSurfaces, BroadPhaseSystems::PairTriangles)
+            (BroadPhaseSystems::PairSurfaces, BroadPhaseSystems::PairTriangles, BroadPhaseSystems::Filter)
                 .chain()
                 .in_set(SurfaceDetectionSystems::BroadPhase),
         );
         app.add_systems(
             SurfaceDetection,
-            (pair_surfaces, patches::bend_surfaces).chain().in_set(BroadPhaseSystems::PairSurfaces),
+            (
+                (pair_surfaces, patches::bend_surfaces).chain().in_set(BroadPhaseSystems::PairSurfaces),
+                filter::leave_out.in_set(BroadPhaseSystems::Filter),
+            ),
         );
     }
 }

@@ -220,6 +220,16 @@ fn is_same_surface(surface: &ActiveSurface, last: &ActiveSurface) -> bool {
         && surface.events == last.events
         && surface.event_hold == last.event_hold
         && surface.rigid == last.rigid
+        && is_same_list(surface.rest_pairs.as_ref(), last.rest_pairs.as_ref())
+}
+
+/// Whether two lists that may be shared are the same one.
+fn is_same_list<T: ?Sized>(list: Option<&Arc<T>>, last: Option<&Arc<T>>) -> bool {
+    match (list, last) {
+        (Some(list), Some(last)) => Arc::ptr_eq(list, last),
+        (None, None) => true,
+        _ => false,
+    }
 }
 
 /// Like [`is_same_surface`], for a shape.

@@ -36,7 +36,8 @@ use crate::{
     schedule::{SurfaceDetection, SurfaceDetectionSystems},
     settings::CircumsphereSettings,
     surface::{
-        ActiveShape, ActiveSurface, ActiveSurfaces, PreviousPositions, SweptCollision, SweptTarget, first_non_finite,
+        ActiveShape, ActiveSurface, ActiveSurfaces, PairFilter, PreviousPositions, SweptCollision, SweptTarget,
+        first_non_finite,
     },
 };
 
@@ -311,7 +312,8 @@ impl SweptBuffers {
         };
         let (a, b) = if is_first_main { (main_side, other_side) } else { (other_side, main_side) };
         let sweep = Sweep { a, b, same_surface: is_self, separation };
-        cost.candidates += self.sweeping.run(&sweep, threads, &mut self.impacts);
+        let filter = PairFilter::between(&first.filter, &second.filter, is_self);
+        cost.candidates += self.sweeping.run(&sweep, filter.as_ref(), threads, &mut self.impacts);
         if self.impacts.is_empty() {
             return;
         }

@@ -38,7 +38,7 @@ use crate::{
         mesh::{bounds::Aabb, topology::SurfaceTopology},
         simd::parallel::Parallel,
     },
-    surface::ActiveShape,
+    surface::{ActiveShape, FilterSide, PairFilter},
 };
 
 /// Rounds that project the ends of trajectories, then rounds that stop or carry along colliding vertices, then rounds
@@ -184,7 +184,9 @@ impl Guard {
             }
             let (swept_a, swept_b) = (mesh_a.swept(particles), mesh_b.swept(particles));
             let sides = ((swept_a, &mesh_a.tree), (swept_b, &mesh_b.tree));
-            sweeping.run(&Sweep { a: sides.0, b: sides.1, same_surface: a == b, separation }, threads.0, impacts);
+            let filter = PairFilter::between(&mesh_a.filter, &mesh_b.filter, a == b);
+            let sweep = Sweep { a: sides.0, b: sides.1, same_surface: a == b, separation };
+            sweeping.run(&sweep, filter.as_ref(), threads.0, impacts);
             let before = found.len();
             let is_round = mesh_a.radius + mesh_b.radius > 0.0;
             let is_leaving = |found: &PairImpact| {
@@ -251,6 +253,7 @@ impl Guard {
                 name,
                 topology: Arc::clone(&surface.topology),
                 layers: surface.layers,
+                filter: FilterSide::of_surface(surface),
                 thickness: f64::from(surface.thickness),
                 radius: 0.0,
                 meets_itself: surface.self_collision,
@@ -287,6 +290,7 @@ impl Guard {
             name,
             topology: Arc::clone(topology),
             layers: shape.layers,
+            filter: FilterSide::default(),
             thickness: radius,
             radius,
             meets_itself: false,

@@ -1,0 +1,3 @@
+//! The response leaves out what filters leave out.
+
+mod rest;
