@@ -113,7 +113,7 @@ pub mod prelude {
             ContactEventHold, ContactEventsEnabled, ContactMethod, ContactSide, DeformableSurface, QuarantineReason,
             QueryOnly, RestContactsIgnored, RigidShape, SelfCollision, Sidedness, SurfaceDisabled, SurfaceFrame,
             SurfaceLayers, SurfaceOrder, SurfacePositions, SurfaceQuarantined, SurfaceShape, SurfaceStatus,
-            SurfaceThickness, SweptCollision, SweptTarget, Teleported, TetrahedralBody,
+            SurfaceThickness, SweptCollision, SweptTarget, Teleported, TetrahedralBody, TriangleLayers,
         },
     };
     pub use parry3d::shape::SharedShape;

@@ -18,7 +18,7 @@ use crate::{
         EnclosingBalls, PreviousPositions, QueryOnly, RestContactsIgnored, RigidShape, SelfCollision, Sidedness,
         SurfaceDisabled, SurfaceFrame, SurfaceLayers, SurfaceOrder, SurfacePositions, SurfaceQuarantined, SurfaceShape,
         SurfaceStatus, SurfaceThickness, SweptCollision, SweptTarget, Teleported, TetrahedralBody, TriangleCones,
-        TriangleCurvature,
+        TriangleCurvature, TriangleLayers,
     },
 };
 
@@ -40,7 +40,7 @@ impl Plugin for ReflectPlugin {
             // Written by the game.
             CircumsphereSettings, ContactEventHold, ContactEventsEnabled, ContactMethod, DeformableSurface, QueryOnly, RestContactsIgnored, RigidShape, SelfCollision,
             Sidedness, SurfaceDisabled, SurfaceForces, SurfaceFrame, SurfaceFriction, SurfaceLayers, SurfaceOrder,
-            SurfacePositions, SurfaceShape, SurfaceThickness, SurfaceWind, SweptCollision, SweptTarget, Teleported, TetrahedralBody, XpbdBody,
+            SurfacePositions, SurfaceShape, SurfaceThickness, SurfaceWind, SweptCollision, SweptTarget, Teleported, TetrahedralBody, TriangleLayers, XpbdBody,
             XpbdSettings, XpbdTethers,
             // Written by the plugins.
             ActiveSurfaces, CandidateTrianglePairs, Circumspheres, ContactStore, Containments, DetectionDiagnostics, EnclosingBalls,

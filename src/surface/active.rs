@@ -80,6 +80,8 @@ pub struct ActiveSurface {
     pub margin: f32,
     /// Its box in the world, in world units, grown by thickness and half the margin. Written by the bounds stage.
     pub world_bounds: Aabb,
+    /// The layers of each triangle, if they differ.
+    pub(crate) triangle_layers: Option<Arc<[SurfaceLayers]>>,
     /// Pairs of its own triangles that make no contact.
     pub(crate) rest_pairs: Option<Arc<RestPairs>>,
     pub(crate) order: SideOrder,

@@ -19,6 +19,7 @@ mod serialized;
 mod spheres;
 mod swept;
 mod tetrahedral_body;
+mod triangle_layers;
 
 pub(crate) use active::SideOrder;
 pub use active::{ActiveShape, ActiveSurface, ActiveSurfaces, ContactSide};
@@ -44,3 +45,4 @@ pub(crate) use spheres::SphereSource;
 pub use spheres::{Circumspheres, EnclosingBalls, TriangleCones, TriangleCurvature};
 pub use swept::{PreviousPositions, SweptCollision, SweptTarget};
 pub use tetrahedral_body::TetrahedralBody;
+pub use triangle_layers::TriangleLayers;

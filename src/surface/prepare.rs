@@ -25,10 +25,14 @@ use super::{
     query_only::QueryOnly,
     rest_contacts::RestContactsIgnored,
     rigid_shape::{PreparedShape, RigidMesh, RigidShape, Solid},
+    triangle_layers::TriangleLayers,
 };
 use crate::{
     diagnostics::DetectionDiagnostics,
-    kernel::{mesh::bounds::Aabb, pose::Pose},
+    kernel::{
+        mesh::{bounds::Aabb, topology::SurfaceTopology},
+        pose::Pose,
+    },
     schedule::DeformableSystems,
 };
 
@@ -94,6 +98,7 @@ struct SurfaceItem {
     events: Has<ContactEventsEnabled>,
     event_hold: Option<&'static ContactEventHold>,
     rest_contacts: Option<&'static RestContactsIgnored>,
+    triangle_layers: Option<&'static TriangleLayers>,
 }
 
 fn order(rigid: bool, order: Option<&SurfaceOrder>, registration: Registration, entity: Entity) -> SideOrder {
@@ -198,6 +203,7 @@ fn gather_surfaces(
                         own_margin: 0.0,
                         margin: 0.0,
                         world_bounds: Aabb::EMPTY,
+                        triangle_layers: item.triangle_layers.map(TriangleLayers::shared),
                         rest_pairs: item.rest_contacts.map(RestContactsIgnored::shared),
                         order: order(false, item.order, *item.registration, item.entity),
                     });
@@ -234,10 +240,17 @@ fn validate(item: &mut SurfaceItemItem<'_, '_>, transforms: &Transforms) -> Resu
     if !thickness.is_finite() || thickness < 0.0 {
         return Err(QuarantineReason::Thickness(thickness));
     }
+    check_triangle_layers(item.triangle_layers, item.surface.topology())?;
     if item.rest_contacts.is_some_and(|contacts| !contacts.is_of(item.surface.topology())) {
         return Err(QuarantineReason::RestContacts);
     }
     Ok((pose, thickness))
+}
+
+fn check_triangle_layers(layers: Option<&TriangleLayers>, topology: &SurfaceTopology) -> Result<(), QuarantineReason> {
+    let expected = topology.triangles().len();
+    let found = layers.map_or(expected, |layers| layers.layers().len());
+    if expected == found { Ok(()) } else { Err(QuarantineReason::TriangleLayers { expected, found }) }
 }
 
 /// Checks whether the whole surface is in range in the world. `at_most` is an upper bound of the magnitude of its
@@ -272,6 +285,7 @@ struct ShapeItem {
     layers: &'static SurfaceLayers,
     sidedness: Option<&'static Sidedness>,
     surface_shape: Option<&'static SurfaceShape>,
+    triangle_layers: Option<&'static TriangleLayers>,
     registration: &'static Registration,
     order: Option<&'static SurfaceOrder>,
     query_only: Has<QueryOnly>,
@@ -350,6 +364,7 @@ fn add_shape(
     }
     let at_most = checked.check(positions)?;
     check_reach(&positions.0, at_most, &pose)?;
+    check_triangle_layers(item.triangle_layers, topology)?;
     active.surfaces.push(ActiveSurface {
         entity,
         topology: Arc::clone(topology),
@@ -369,6 +384,7 @@ fn add_shape(
         own_margin: 0.0,
         margin: 0.0,
         world_bounds: Aabb::EMPTY,
+        triangle_layers: item.triangle_layers.map(TriangleLayers::shared),
         rest_pairs: None,
         order,
     });

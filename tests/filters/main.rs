@@ -1,3 +1,5 @@
-//! The response leaves out what filters leave out.
+//! Pairs of triangles that are left out: by their layers, at rest, and by the response.
 
+mod layers;
 mod rest;
+mod world;

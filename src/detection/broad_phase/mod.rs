@@ -48,7 +48,7 @@ pub enum BroadPhaseSystems {
     /// Pairs triangles whose boxes overlap and that no slab separates.
     PairTriangles,
     /// Leaves out pairs of triangles that make no contact although their surfaces meet, see
-    /// [`RestContactsIgnored`](crate::RestContactsIgnored).
+    /// [`RestContactsIgnored`](crate::RestContactsIgnored) and [`TriangleLayers`](crate::TriangleLayers).
     Filter,
 }
 

@@ -71,7 +71,7 @@ pub struct SurfacePair {
     /// apart, see [`PairFate::Remembered`](crate::kernel::pair_fate::PairFate::Remembered).
     pub triangles: Vec<[u32; 2]>,
     /// Whether any pair of triangles is not among these because of
-    /// [`RestContactsIgnored`](crate::RestContactsIgnored).
+    /// [`RestContactsIgnored`](crate::RestContactsIgnored) or [`TriangleLayers`](crate::TriangleLayers).
     pub any_left_out: bool,
 }
 
@@ -101,7 +101,7 @@ impl SurfacePair {
     pub(crate) fn filter_sides(&self, active: &ActiveSurfaces) -> [FilterSide; 2] {
         let second = match self.second {
             OtherSide::Surface(second) => FilterSide::of_surface(&active.surfaces[second]),
-            OtherSide::Shape(_) => FilterSide::default(),
+            OtherSide::Shape(place) => FilterSide::of_shape(&active.shapes[place]),
         };
         [FilterSide::of_surface(&active.surfaces[self.first]), second]
     }

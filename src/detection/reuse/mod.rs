@@ -220,6 +220,8 @@ fn is_same_surface(surface: &ActiveSurface, last: &ActiveSurface) -> bool {
         && surface.events == last.events
         && surface.event_hold == last.event_hold
         && surface.rigid == last.rigid
+        && surface.layers == last.layers
+        && is_same_list(surface.triangle_layers.as_ref(), last.triangle_layers.as_ref())
         && is_same_list(surface.rest_pairs.as_ref(), last.rest_pairs.as_ref())
 }
 
@@ -238,6 +240,7 @@ fn is_same_shape(shape: &ActiveShape, last: &ActiveShape) -> bool {
         && Arc::ptr_eq(&shape.geometry, &last.geometry)
         && shape.pose.has_bits_of(&last.pose)
         && shape.margin.to_bits() == last.margin.to_bits()
+        && shape.layers == last.layers
         && shape.events == last.events
         && shape.event_hold == last.event_hold
 }

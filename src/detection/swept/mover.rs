@@ -86,7 +86,7 @@ impl<'a> Mover<'a> {
                 thickness: 0.0,
                 radius,
                 layers: shape.layers,
-                filter: FilterSide::default(),
+                filter: FilterSide::of_shape(shape),
                 self_collision: false,
                 rigid: true,
                 fresh: shape.fresh,

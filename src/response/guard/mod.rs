@@ -290,7 +290,7 @@ impl Guard {
             name,
             topology: Arc::clone(topology),
             layers: shape.layers,
-            filter: FilterSide::default(),
+            filter: FilterSide::of_shape(shape),
             thickness: radius,
             radius,
             meets_itself: false,
