@@ -110,10 +110,11 @@ pub mod prelude {
         settings::{CircumsphereSettings, SphereContactDetail},
         spatial_query::{RayHit, SurfaceQuery, SurfaceQueryFilter},
         surface::{
-            ContactEventHold, ContactEventsEnabled, ContactMethod, ContactSide, DeformableSurface, QuarantineReason,
-            QueryOnly, RestContactsIgnored, RigidShape, SelfCollision, Sidedness, SurfaceDisabled, SurfaceFrame,
-            SurfaceLayers, SurfaceOrder, SurfacePositions, SurfaceQuarantined, SurfaceShape, SurfaceStatus,
-            SurfaceThickness, SweptCollision, SweptTarget, Teleported, TetrahedralBody, TriangleLayers,
+            CandidatePair, ContactEventHold, ContactEventsEnabled, ContactFilter, ContactMethod, ContactSide,
+            DeformableSurface, QuarantineReason, QueryOnly, RestContactsIgnored, RigidShape, SelfCollision, Sidedness,
+            SurfaceDisabled, SurfaceFrame, SurfaceLayers, SurfaceOrder, SurfacePositions, SurfaceQuarantined,
+            SurfaceShape, SurfaceStatus, SurfaceThickness, SweptCollision, SweptTarget, Teleported, TetrahedralBody,
+            TriangleLayers,
         },
     };
     pub use parry3d::shape::SharedShape;

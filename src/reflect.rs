@@ -14,11 +14,11 @@ use crate::{
     },
     settings::CircumsphereSettings,
     surface::{
-        ActiveSurfaces, Circumspheres, ContactEventHold, ContactEventsEnabled, ContactMethod, DeformableSurface,
-        EnclosingBalls, PreviousPositions, QueryOnly, RestContactsIgnored, RigidShape, SelfCollision, Sidedness,
-        SurfaceDisabled, SurfaceFrame, SurfaceLayers, SurfaceOrder, SurfacePositions, SurfaceQuarantined, SurfaceShape,
-        SurfaceStatus, SurfaceThickness, SweptCollision, SweptTarget, Teleported, TetrahedralBody, TriangleCones,
-        TriangleCurvature, TriangleLayers,
+        ActiveSurfaces, Circumspheres, ContactEventHold, ContactEventsEnabled, ContactFilter, ContactMethod,
+        DeformableSurface, EnclosingBalls, PreviousPositions, QueryOnly, RestContactsIgnored, RigidShape,
+        SelfCollision, Sidedness, SurfaceDisabled, SurfaceFrame, SurfaceLayers, SurfaceOrder, SurfacePositions,
+        SurfaceQuarantined, SurfaceShape, SurfaceStatus, SurfaceThickness, SweptCollision, SweptTarget, Teleported,
+        TetrahedralBody, TriangleCones, TriangleCurvature, TriangleLayers,
     },
 };
 
@@ -38,7 +38,7 @@ impl Plugin for ReflectPlugin {
     fn build(&self, app: &mut App) {
         register!(app:
             // Written by the game.
-            CircumsphereSettings, ContactEventHold, ContactEventsEnabled, ContactMethod, DeformableSurface, QueryOnly, RestContactsIgnored, RigidShape, SelfCollision,
+            CircumsphereSettings, ContactEventHold, ContactEventsEnabled, ContactFilter, ContactMethod, DeformableSurface, QueryOnly, RestContactsIgnored, RigidShape, SelfCollision,
             Sidedness, SurfaceDisabled, SurfaceForces, SurfaceFrame, SurfaceFriction, SurfaceLayers, SurfaceOrder,
             SurfacePositions, SurfaceShape, SurfaceThickness, SurfaceWind, SweptCollision, SweptTarget, Teleported, TetrahedralBody, TriangleLayers, XpbdBody,
             XpbdSettings, XpbdTethers,

@@ -28,7 +28,7 @@ use crate::{
         pair_fate::{PairFate, ball_fates, cap_fates, exact_fates, osculating_fates, shape_fates},
     },
     settings::CircumsphereSettings,
-    surface::{ActiveSurfaces, ContactMethod, PairFilter},
+    surface::{ActiveSurfaces, ContactFilter, ContactMethod, PairFilter},
 };
 
 /// Finds the step at which each pair of triangles with overlapping boxes was dropped.
@@ -66,6 +66,7 @@ pub struct PairFates<'w, 's> {
     kept: Res<'w, KeptPairs>,
     states: Res<'w, SurfaceStates>,
     surfaces: SphereQuery<'w, 's>,
+    game: Option<Res<'w, ContactFilter>>,
 }
 
 impl PairFates<'_, '_> {
@@ -161,7 +162,7 @@ impl PairFates<'_, '_> {
     /// Whether the last step of the broad phase leaves two triangles in.
     fn may_touch(&self, pair: &SurfacePair, triangles: [u32; 2]) -> bool {
         let sides = pair.filter_sides(&self.active);
-        let filter = PairFilter::between(&sides[0], &sides[1], pair.is_self());
+        let filter = PairFilter::between(&sides[0], &sides[1], pair.is_self(), self.game.as_deref());
         filter.is_none_or(|filter| filter.allows(triangles))
     }
 

@@ -6,6 +6,7 @@
 mod active;
 mod checked;
 mod components;
+mod contact_filter;
 #[cfg(feature = "mesh")]
 mod mesh;
 mod pair_filter;
@@ -29,6 +30,7 @@ pub use components::{
     SurfaceDisabled, SurfaceFrame, SurfaceLayers, SurfaceOrder, SurfacePositions, SurfaceShape, SurfaceStatus,
     SurfaceThickness, Teleported,
 };
+pub use contact_filter::{CandidatePair, ContactFilter};
 #[cfg(feature = "mesh")]
 pub use mesh::{
     DrivenMesh, SurfaceFromMesh, SurfaceFromMeshHierarchy, SurfaceMeshError, SurfaceMeshNotWritten, SurfaceMeshPlugin,

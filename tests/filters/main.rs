@@ -1,5 +1,6 @@
-//! Pairs of triangles that are left out: by their layers, at rest, and by the response.
+//! Pairs of triangles that are left out: by a filter of the game, by their layers, and at rest.
 
+mod game;
 mod layers;
 mod rest;
 mod world;

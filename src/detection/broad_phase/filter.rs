@@ -10,12 +10,13 @@ use crate::{
         reuse::{DetectionMemory, near_lists::KeptPairs},
     },
     diagnostics::DetectionDiagnostics,
-    surface::{ActiveSurfaces, PairFilter},
+    surface::{ActiveSurfaces, ContactFilter, PairFilter},
 };
 
 /// Leaves out pairs in their order, on one thread. Pairs of surfaces without a filter cost nothing.
 pub(super) fn leave_out(
     active: Res<ActiveSurfaces>,
+    game: Option<Res<ContactFilter>>,
     mut candidates: ResMut<CandidateTrianglePairs>,
     memory: Res<DetectionMemory>,
     mut kept: ResMut<KeptPairs>,
@@ -29,7 +30,7 @@ pub(super) fn leave_out(
         }
         pair.any_left_out = false;
         let sides = pair.filter_sides(&active);
-        let Some(filter) = PairFilter::between(&sides[0], &sides[1], pair.is_self()) else { continue };
+        let Some(filter) = PairFilter::between(&sides[0], &sides[1], pair.is_self(), game.as_deref()) else { continue };
         let before = pair.triangles.len();
         kept.retain_near(place, &mut pair.triangles, |triangles| filter.allows(triangles));
         pair.any_left_out = pair.triangles.len() < before;

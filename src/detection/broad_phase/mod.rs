@@ -28,7 +28,7 @@ use crate::{
     kernel::{bvh::tree::BoxTree, capacity, mesh::bounds::Aabb},
     schedule::{SurfaceDetection, SurfaceDetectionSystems},
     settings::CircumsphereSettings,
-    surface::{ActiveSurface, ActiveSurfaces},
+    surface::{ActiveSurface, ActiveSurfaces, ContactFilter},
 };
 
 pub use brute_force::BruteForceBroadPhasePlugin;
@@ -48,7 +48,8 @@ pub enum BroadPhaseSystems {
     /// Pairs triangles whose boxes overlap and that no slab separates.
     PairTriangles,
     /// Leaves out pairs of triangles that make no contact although their surfaces meet, see
-    /// [`RestContactsIgnored`](crate::RestContactsIgnored) and [`TriangleLayers`](crate::TriangleLayers).
+    /// [`RestContactsIgnored`](crate::RestContactsIgnored), [`TriangleLayers`](crate::TriangleLayers), and
+    /// [`ContactFilter`](crate::ContactFilter).
     Filter,
 }
 
@@ -125,7 +126,7 @@ impl PairingBuffers {
 
 fn pair_surfaces(
     active: Res<ActiveSurfaces>,
-    settings: Res<CircumsphereSettings>,
+    (settings, game): (Res<CircumsphereSettings>, Option<Res<ContactFilter>>),
     mut candidates: ResMut<CandidateTrianglePairs>,
     mut memory: ResMut<DetectionMemory>,
     mut diagnostics: ResMut<DetectionDiagnostics>,
@@ -147,7 +148,7 @@ fn pair_surfaces(
     places.extend(selves.map(|(place, _)| [place as u32, place as u32]));
     places.sort_unstable();
 
-    memory.begin(&active, &settings, states.all());
+    memory.begin(&active, &settings, game.map(|game| game.last_changed()), states.all());
     buffers.last_names.clear();
     buffers.last_names.extend(candidates.pairs.iter().map(|pair| name(pair.first, pair.second)));
     buffers.last.clear();

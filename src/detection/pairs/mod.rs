@@ -71,7 +71,8 @@ pub struct SurfacePair {
     /// apart, see [`PairFate::Remembered`](crate::kernel::pair_fate::PairFate::Remembered).
     pub triangles: Vec<[u32; 2]>,
     /// Whether any pair of triangles is not among these because of
-    /// [`RestContactsIgnored`](crate::RestContactsIgnored) or [`TriangleLayers`](crate::TriangleLayers).
+    /// [`RestContactsIgnored`](crate::RestContactsIgnored), [`TriangleLayers`](crate::TriangleLayers), or
+    /// [`ContactFilter`](crate::ContactFilter).
     pub any_left_out: bool,
 }
 

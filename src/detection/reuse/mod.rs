@@ -6,7 +6,7 @@
 
 use std::sync::Arc;
 
-use bevy_ecs::prelude::*;
+use bevy_ecs::{change_detection::Tick, prelude::*};
 
 use crate::{
     detection::{
@@ -27,6 +27,8 @@ pub(crate) struct DetectionMemory {
     surfaces: Vec<(ActiveSurface, u64)>,
     shapes: Vec<ActiveShape>,
     settings: Option<CircumsphereSettings>,
+    /// The last change of the [`ContactFilter`](crate::ContactFilter), if there is one.
+    filter: Option<Tick>,
     /// For each surface and each shape of this detection, its index in the last one, if nothing about it has changed.
     unchanged: [Vec<Option<u32>>; 2],
     /// For each surface and each shape of this detection, its index in the last one, whether or not it has changed.
@@ -47,10 +49,17 @@ pub(crate) struct DetectionMemory {
 impl DetectionMemory {
     /// Begins a detection: determines which surfaces and shapes have not changed since the last one, and remembers all
     /// of them.
-    pub(super) fn begin(&mut self, active: &ActiveSurfaces, settings: &CircumsphereSettings, states: &[SurfaceState]) {
+    pub(super) fn begin(
+        &mut self,
+        active: &ActiveSurfaces,
+        settings: &CircumsphereSettings,
+        filter: Option<Tick>,
+        states: &[SurfaceState],
+    ) {
         let are_settings_same = self.settings.replace(*settings) == Some(*settings);
         self.settings_version += u64::from(!are_settings_same);
-        let keeps = settings.memory && are_settings_same;
+        let is_filter_same = std::mem::replace(&mut self.filter, filter) == filter;
+        let keeps = settings.memory && are_settings_same && is_filter_same;
         let Self {
             surfaces: last_surfaces,
             shapes: last_shapes,

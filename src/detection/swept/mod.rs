@@ -36,8 +36,8 @@ use crate::{
     schedule::{SurfaceDetection, SurfaceDetectionSystems},
     settings::CircumsphereSettings,
     surface::{
-        ActiveShape, ActiveSurface, ActiveSurfaces, PairFilter, PreviousPositions, SweptCollision, SweptTarget,
-        first_non_finite,
+        ActiveShape, ActiveSurface, ActiveSurfaces, ContactFilter, PairFilter, PreviousPositions, SweptCollision,
+        SweptTarget, first_non_finite,
     },
 };
 
@@ -131,7 +131,7 @@ struct Cost {
 #[expect(clippy::too_many_arguments, reason = "a stage reads what earlier stages wrote")]
 fn find_impacts(
     active: Res<ActiveSurfaces>,
-    settings: Res<CircumsphereSettings>,
+    (settings, game): (Res<CircumsphereSettings>, Option<Res<ContactFilter>>),
     mut found: ResMut<SweptImpacts>,
     mut diagnostics: ResMut<DetectionDiagnostics>,
     mut buffers: Local<SweptBuffers>,
@@ -174,7 +174,7 @@ fn find_impacts(
         buffers.pair_movers(&movers);
         let pairs = std::mem::take(&mut buffers.pairs);
         for pair in &pairs {
-            buffers.sweep_pair(&movers, *pair, settings.threads, &mut cost, &mut found.pairs);
+            buffers.sweep_pair(&movers, *pair, game.as_deref(), settings.threads, &mut cost, &mut found.pairs);
         }
         buffers.pairs = pairs;
         for mover in &movers {
@@ -268,6 +268,7 @@ impl SweptBuffers {
         &mut self,
         movers: &[Mover<'_>],
         [first, second]: [u32; 2],
+        game: Option<&ContactFilter>,
         threads: usize,
         cost: &mut Cost,
         found: &mut Vec<SweptPair>,
@@ -312,7 +313,7 @@ impl SweptBuffers {
         };
         let (a, b) = if is_first_main { (main_side, other_side) } else { (other_side, main_side) };
         let sweep = Sweep { a, b, same_surface: is_self, separation };
-        let filter = PairFilter::between(&first.filter, &second.filter, is_self);
+        let filter = PairFilter::between(&first.filter, &second.filter, is_self, game);
         cost.candidates += self.sweeping.run(&sweep, filter.as_ref(), threads, &mut self.impacts);
         if self.impacts.is_empty() {
             return;

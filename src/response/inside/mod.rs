@@ -23,7 +23,7 @@ use super::{
 use crate::{
     detection::moved_box,
     kernel::mesh::{feature::Feature, ids::VertexId},
-    surface::{ActiveShape, ActiveSurface, FilterSide, PairFilter},
+    surface::{ActiveShape, ActiveSurface, ContactFilter, FilterSide, PairFilter},
 };
 
 /// Depth, in thicknesses, up to which contacts alone push out of a shape tested by formula.
@@ -247,7 +247,7 @@ impl Insides {
         }
         let solid = solid()?;
         let crossing = scene.crossing_of(surface.entity, entity);
-        let inside = Inside::new(particles, body, &solid, other, shallow, &crossing)?;
+        let inside = Inside::new(particles, body, &solid, (other, scene.filter.as_deref()), shallow, &crossing)?;
         let triangles = crossing.iter().flat_map(|place| surface.topology.triangles_beside(place.triangle));
         self.crossing.insert(pair, triangles.collect());
         let margin = 2.0 * f64::from(surface.thickness);
@@ -356,7 +356,7 @@ impl Inside {
         particles: &Particles,
         body: Body<'_>,
         solid: &Solid<'_>,
-        other: &FilterSide,
+        other: (&FilterSide, Option<&ContactFilter>),
         shallow: f64,
         crossing: &[Crossing],
     ) -> Option<Self> {
@@ -371,7 +371,7 @@ impl Inside {
         let inside = |point: &BodyPoint| solid.contains(point.at, 0.0);
         let mut points: Vec<BodyPoint> = vertices.filter(inside).collect();
         let own = FilterSide::of_surface(body.surface);
-        if let Some(filter) = PairFilter::between(&own, other, false) {
+        if let Some(filter) = PairFilter::between(&own, other.0, false, other.1) {
             points.retain(|point| body.may_touch(point, solid, &filter));
         }
         let vertex_count = points.len();
