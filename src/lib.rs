@@ -70,6 +70,7 @@ mod plugins;
 #[cfg(feature = "reflect")]
 mod reflect;
 pub mod response;
+mod rollback;
 mod schedule;
 mod settings;
 mod spatial_query;
@@ -85,6 +86,7 @@ pub use detection::{Containments, TetrahedralContainmentPlugin, VertexContainmen
 pub use plugins::DeformableCollisionPlugins;
 #[cfg(feature = "reflect")]
 pub use reflect::ReflectPlugin;
+pub use rollback::{CollisionHistory, RollbackPlugin};
 pub use schedule::{DeformableSystems, SurfaceDetection, SurfaceDetectionSystems};
 pub use settings::{CircumsphereSettings, SphereContactDetail};
 

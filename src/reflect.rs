@@ -12,6 +12,7 @@ use crate::{
         SurfaceForces, SurfaceFriction, SurfaceReaction, SurfaceWind, XpbdBody, XpbdDiagnostics, XpbdSettings,
         XpbdTethers,
     },
+    rollback::CollisionHistory,
     settings::CircumsphereSettings,
     surface::{
         ActiveSurfaces, Circumspheres, ContactEventHold, ContactEventsEnabled, ContactFilter, ContactMethod,
@@ -43,7 +44,7 @@ impl Plugin for ReflectPlugin {
             SurfacePositions, SurfaceShape, SurfaceThickness, SurfaceWind, SweptCollision, SweptTarget, Teleported, TetrahedralBody, TriangleLayers, XpbdBody,
             XpbdSettings, XpbdTethers,
             // Written by the plugins.
-            ActiveSurfaces, CandidateTrianglePairs, Circumspheres, ContactStore, Containments, DetectionDiagnostics, EnclosingBalls,
+            ActiveSurfaces, CandidateTrianglePairs, Circumspheres, CollisionHistory, ContactStore, Containments, DetectionDiagnostics, EnclosingBalls,
             ExactTrianglePairs, MeetingCaps, OverlappingTrianglePairs, PreviousPositions, SphereContacts,
             SurfaceContactEnd, SurfaceContactStart, SurfaceQuarantined, SurfaceReaction, SurfaceStatus, SweptImpacts, TriangleCones,
             TriangleCurvature, XpbdDiagnostics,

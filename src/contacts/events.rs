@@ -89,7 +89,7 @@ fn send_quarantines(
 }
 
 /// The sides that are in contact, and what changed in this tick, whether or not events are enabled.
-#[derive(Resource, Default)]
+#[derive(Resource, Clone, Default)]
 pub(crate) struct TouchingSides {
     touching: Vec<Touching>,
     /// Pairs that came into contact in this tick, in the order of the store.

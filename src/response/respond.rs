@@ -83,12 +83,12 @@ pub struct XpbdDiagnostics {
 #[derive(Resource, Default)]
 pub(super) struct Response {
     solver: Solver,
-    gatherer: Gatherer,
+    pub(super) gatherer: Gatherer,
     guard: Guard,
     /// The bodies of this tick, in the order of the solver.
     moved: Vec<Entity>,
     /// The margins of each body.
-    margins: EntityHashMap<BodyMargins>,
+    pub(super) margins: EntityHashMap<BodyMargins>,
     /// How far something falls from rest in this tick or part, in world units.
     fall: f32,
     refused: Vec<Entity>,
@@ -181,8 +181,8 @@ fn speeds(body: &XpbdBody) -> [f32; 2] {
 }
 
 /// The margins of a body, against itself and against others.
-#[derive(Default)]
-struct BodyMargins {
+#[derive(Clone, Default)]
+pub(super) struct BodyMargins {
     own: Margin,
     other: Margin,
     /// Whether the body takes part in this tick.
@@ -190,7 +190,7 @@ struct BodyMargins {
 }
 
 /// A margin, in steps of powers of two.
-#[derive(Default)]
+#[derive(Clone, Default)]
 struct Margin {
     /// In world units. 0 before the first tick.
     width: f32,

@@ -38,6 +38,8 @@ pub(crate) struct DetectionMemory {
     /// For each pair of this detection, its index in the last one, kept or not. Its lists are at that index, and are
     /// used again.
     former_places: Vec<Option<u32>>,
+    /// Whether this detection keeps nothing.
+    is_void: bool,
     /// The number of pairs of the last detection.
     last_count: usize,
     /// Whether every pair is kept at the same index.
@@ -126,7 +128,8 @@ impl DetectionMemory {
     /// Ends the list of pairs.
     pub(super) fn end_pairs(&mut self) {
         let at_its_place = |(place, origin): (u32, &Option<u32>)| *origin == Some(place);
-        self.all_kept = self.origins.len() == self.last_count && (0..).zip(&self.origins).all(at_its_place);
+        let is_void = std::mem::take(&mut self.is_void);
+        self.all_kept = !is_void && self.origins.len() == self.last_count && (0..).zip(&self.origins).all(at_its_place);
         let Self { origins, former_places, .. } = self;
         let count = origins.len();
         for places in [origins, former_places] {
@@ -161,6 +164,12 @@ impl DetectionMemory {
 
     pub(crate) fn kept_count(&self) -> usize {
         self.origins.iter().flatten().count()
+    }
+
+    /// Keeps nothing in the next detection: what the last one found is not what the world has found.
+    pub(crate) fn keep_nothing(&mut self) {
+        self.settings = None;
+        self.is_void = true;
     }
 
     /// Keeps nothing from here on in this detection.

@@ -50,7 +50,7 @@ pub struct SweptPlugin;
 
 impl Plugin for SweptPlugin {
     fn build(&self, app: &mut App) {
-        app.init_resource::<SweptImpacts>();
+        app.init_resource::<SweptImpacts>().init_resource::<SweptHistory>();
         app.add_systems(SurfaceDetection, find_impacts.in_set(SurfaceDetectionSystems::Swept));
     }
 }
@@ -100,14 +100,22 @@ impl MainSide {
     }
 }
 
+/// What later sweeps depend on.
+#[derive(Resource, Clone, Default)]
+pub(crate) struct SweptHistory {
+    /// The number of the last detection.
+    detection: u64,
+    /// The pose of each rigid shape in the last detection, and the number of that detection.
+    shapes: EntityHashMap<(Pose, u64)>,
+}
+
 /// State and buffers that are kept from tick to tick.
 #[derive(Default)]
 struct SweptBuffers {
+    /// The number of the last detection that these are from.
     detection: u64,
     /// By entity, and by part of a shape.
     main_sides: HashMap<(Entity, Option<u32>), MainSide>,
-    /// The pose of each rigid shape in the last detection, and the number of that detection.
-    shapes: EntityHashMap<(Pose, u64)>,
     /// The smaller side of a pair, in the frame of the other one.
     moved: SweptPositions,
     world: Vec<Aabb>,
@@ -134,20 +142,25 @@ fn find_impacts(
     (settings, game): (Res<CircumsphereSettings>, Option<Res<ContactFilter>>),
     mut found: ResMut<SweptImpacts>,
     mut diagnostics: ResMut<DetectionDiagnostics>,
-    mut buffers: Local<SweptBuffers>,
+    (mut buffers, mut history): (Local<SweptBuffers>, ResMut<SweptHistory>),
     (asking, read): (Query<(), With<SweptCollision>>, Option<Res<ImpactsRead>>),
     states: Res<SurfaceStates>,
     mut surfaces: Query<SweptItem>,
 ) {
     let start = Instant::now();
     let buffers = &mut *buffers;
-    buffers.detection += 1;
+    if buffers.detection != history.detection {
+        // The game has gone back in time.
+        buffers.main_sides.clear();
+    }
+    history.detection += 1;
+    buffers.detection = history.detection;
     if !found.pairs.is_empty() {
         buffers.spare.extend(found.pairs.drain(..).map(|pair| pair.impacts));
     }
     if asking.is_empty() || read.is_some_and(|read| !read.0) {
         buffers.main_sides.clear();
-        buffers.shapes.clear();
+        history.shapes.clear();
         return;
     }
     let mut cost = Cost::default();
@@ -156,13 +169,13 @@ fn find_impacts(
         let items = surfaces.as_readonly();
         let ways = world.shapes.iter().map(|shape| match shape.target {
             Some(target) => [shape.pose, target],
-            None => [buffers.last_pose(shape.entity, &shape.pose, shape.fresh), shape.pose],
+            None => [history.last_pose(shape.entity, &shape.pose, shape.fresh), shape.pose],
         });
         let ways: Vec<[Pose; 2]> = ways.collect();
         let mut movers: Vec<Mover<'_>> = Vec::with_capacity(world.surfaces.len());
         for (surface, state) in world.surfaces.iter().zip(states.all()) {
             let Ok(item) = items.get_inner(surface.entity) else { continue };
-            let (path, asks) = buffers.path_of(surface, state, &item);
+            let (path, asks) = history.path_of(surface, state, &item);
             movers.push(Mover::of_surface(surface, path, state.version(), asks));
         }
         let whole = movers.iter().fold(Aabb::EMPTY, |whole, mover| whole.union(&mover.world));
@@ -195,8 +208,8 @@ fn find_impacts(
     buffers.main_sides.retain(|_, side| side.last_active == detection);
     let rigid = world.surfaces.iter().filter(|surface| surface.rigid).map(|surface| (surface.entity, surface.pose));
     let shapes = world.shapes.iter().map(|shape| (shape.entity, shape.pose));
-    buffers.shapes.extend(rigid.chain(shapes).map(|(entity, pose)| (entity, (pose, detection))));
-    buffers.shapes.retain(|_, (_, seen)| *seen == detection);
+    history.shapes.extend(rigid.chain(shapes).map(|(entity, pose)| (entity, (pose, detection))));
+    history.shapes.retain(|_, (_, seen)| *seen == detection);
     if cost.pairs > 0 {
         diagnostics.swept_trees_built = cost.trees_built;
         diagnostics.swept_trees_refitted = cost.trees_refitted;
@@ -210,7 +223,7 @@ fn plane(shape: &ActiveShape, poses: &[Pose; 2], whole: &Aabb) -> Option<Plane> 
     Plane::under(whole, *normal, poses)
 }
 
-impl SweptBuffers {
+impl SweptHistory {
     /// The pose of a rigid shape in the last detection.
     fn last_pose(&self, shape: Entity, now: &Pose, fresh: bool) -> Pose {
         let last = self.shapes.get(&shape).filter(|(_, seen)| !fresh && seen + 1 == self.detection);
@@ -239,14 +252,16 @@ impl SweptBuffers {
             !surface.fresh && previous.detection + 1 == self.detection && previous.positions.len() == now.len()
         };
         match item.previous.filter(|_| item.swept).filter(is_known) {
-            Some(previous) if previous.version != state.version() => {
+            Some(previous) if previous.version != state.version() && previous.positions != now => {
                 (Path { start: &previous.positions, start_pose: previous.pose, ..still }, true)
             }
             Some(previous) => (Path { start_pose: previous.pose, ..still }, true),
             None => (still, item.swept),
         }
     }
+}
 
+impl SweptBuffers {
     /// Finds the pairs of movers whose motions come near each other and of which at least one moves. Each once, sorted.
     fn pair_movers(&mut self, movers: &[Mover<'_>]) {
         self.pairs.clear();

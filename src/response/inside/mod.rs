@@ -56,7 +56,7 @@ const LEFT: f64 = 0.75;
 const MOST_SOLIDS: usize = 16;
 
 /// Remembers which surfaces were near each other, and how bodies leave solids.
-#[derive(Default)]
+#[derive(Clone, Default)]
 pub(super) struct Insides {
     near: HashSet<(Entity, Entity)>,
     before: HashSet<(Entity, Entity)>,
