@@ -1,9 +1,6 @@
 //! The systems of the response: choose margins for detection, solve the tick, and write the result back.
 
-use std::{
-    mem,
-    time::{Duration, Instant},
-};
+use std::{mem, time::Duration};
 
 use bevy_ecs::{entity::EntityHashMap, prelude::*};
 #[cfg(feature = "reflect")]
@@ -25,6 +22,7 @@ use super::{
 };
 use crate::{
     detection::ImpactsRead,
+    diagnostics::StageWatch,
     kernel::{
         mesh::{ids::VertexId, topology::SurfaceTopology},
         pose::Pose,
@@ -316,7 +314,7 @@ fn respond(
     }
     let mut settings = settings.in_range();
     settings.substeps = settings.substeps.div_ceil(parts).max(LEAST_SUBSTEPS.min(settings.substeps));
-    let start = Instant::now();
+    let start = StageWatch::start("gather");
     sleep.wake_touched(&scene);
     diagnostics.asleep = sleep.count();
     let Response { solver, gatherer, guard, moved, refused, fall, .. } = response;
@@ -342,8 +340,8 @@ fn respond(
     diagnostics.inside = gatherer.lead_out(solver, &scene);
     gatherer.add_contacts(solver, &scene, Watch { duration, fall: f64::from(*fall) });
     diagnostics.bodies = moved.len();
-    diagnostics.gathering += start.elapsed();
-    let start = Instant::now();
+    diagnostics.gathering += start.stop();
+    let start = StageWatch::start("solve");
     solver.begin();
     let mut solved = solver.advance(duration, &settings);
     for _ in 0..MOST_MISSED {
@@ -354,8 +352,8 @@ fn respond(
         solved = solver.advance(duration, &settings);
     }
     diagnostics.contacts = solver.contacts.len();
-    diagnostics.solving += start.elapsed();
-    let start = Instant::now();
+    diagnostics.solving += start.stop();
+    let start = StageWatch::start("guard");
     solver.follow_welds();
     let mut met = guard.begin(&solver.particles, &scene, gatherer);
     let mut solved_again = Solved::default();
@@ -386,7 +384,7 @@ fn respond(
     diagnostics.vertices_stopped += guarded.stopped;
     diagnostics.impacts_remaining += guarded.remaining;
     diagnostics.jammed.extend(guarded.jammed);
-    diagnostics.guarding += start.elapsed();
+    diagnostics.guarding += start.stop();
 }
 
 /// Writes positions and velocities to the bodies. A body with a vertex out of the computable range is not written: it

@@ -1,7 +1,7 @@
 //! `Prepare`, the first step of a tick: reads what the game wrote, quarantines what cannot be used, and gathers the
 //! rest into [`ActiveSurfaces`].
 
-use std::{sync::Arc, time::Instant};
+use std::sync::Arc;
 
 use bevy_app::prelude::*;
 use bevy_ecs::{
@@ -28,7 +28,7 @@ use super::{
     triangle_layers::TriangleLayers,
 };
 use crate::{
-    diagnostics::DetectionDiagnostics,
+    diagnostics::{DetectionDiagnostics, StageWatch},
     kernel::{
         mesh::{bounds::Aabb, topology::SurfaceTopology},
         pose::Pose,
@@ -167,7 +167,7 @@ fn gather_surfaces(
     transforms: Transforms,
 ) {
     diagnostics.begin_tick();
-    let watch = Instant::now();
+    let watch = StageWatch::start("prepare");
     quarantines.0.clear();
     active.surfaces.clear();
     for mut item in &mut surfaces {
@@ -214,7 +214,7 @@ fn gather_surfaces(
         };
         update_status(item.entity, &mut item.status, next, &mut quarantines);
     }
-    diagnostics.finish("prepare", watch, 0, 0);
+    diagnostics.finish(watch, 0, 0);
 }
 
 /// The layers that decide what a surface or shape touches. Belongs to no group, and meets none, if it is only queried.

@@ -1,7 +1,5 @@
 //! The last step of the broad phase: leaves out pairs of triangles that make no contact although their surfaces meet.
 
-use std::time::Instant;
-
 use bevy_ecs::prelude::*;
 
 use crate::{
@@ -9,7 +7,7 @@ use crate::{
         pairs::CandidateTrianglePairs,
         reuse::{DetectionMemory, near_lists::KeptPairs},
     },
-    diagnostics::DetectionDiagnostics,
+    diagnostics::{DetectionDiagnostics, StageWatch},
     surface::{ActiveSurfaces, ContactFilter, PairFilter},
 };
 
@@ -22,7 +20,7 @@ pub(super) fn leave_out(
     mut kept: ResMut<KeptPairs>,
     mut diagnostics: ResMut<DetectionDiagnostics>,
 ) {
-    let start = Instant::now();
+    let start = StageWatch::start("filter");
     let [mut asked, mut left] = [0; 2];
     for (place, pair) in candidates.pairs.iter_mut().enumerate() {
         if memory.keeps(place) {
@@ -38,6 +36,6 @@ pub(super) fn leave_out(
         left += pair.triangles.len();
     }
     if asked > 0 {
-        diagnostics.finish("filter", start, asked, left);
+        diagnostics.finish(start, asked, left);
     }
 }

@@ -10,8 +10,6 @@ mod filter;
 mod patches;
 mod tree;
 
-use std::time::Instant;
-
 use bevy_app::prelude::*;
 use bevy_ecs::prelude::*;
 
@@ -24,7 +22,7 @@ use crate::{
         reuse::{DetectionMemory, near_lists::KeptPairs},
         state::SurfaceStates,
     },
-    diagnostics::DetectionDiagnostics,
+    diagnostics::{DetectionDiagnostics, StageWatch},
     kernel::{bvh::tree::BoxTree, capacity, mesh::bounds::Aabb},
     schedule::{SurfaceDetection, SurfaceDetectionSystems},
     settings::CircumsphereSettings,
@@ -133,7 +131,7 @@ fn pair_surfaces(
     mut buffers: Local<PairingBuffers>,
     states: Res<SurfaceStates>,
 ) {
-    let start = Instant::now();
+    let start = StageWatch::start("pair surfaces");
     let surfaces = &active.surfaces;
     if surfaces.is_empty() {
         buffers.tree = BoxTree::default();
@@ -213,7 +211,7 @@ fn pair_surfaces(
     capacity::trim(&mut buffers.places, count);
     buffers.with_shapes = with_shapes;
     capacity::trim(&mut buffers.with_shapes, count);
-    diagnostics.finish("pair surfaces", start, surfaces.len() + active.shapes.len(), count);
+    diagnostics.finish(start, surfaces.len() + active.shapes.len(), count);
 }
 
 /// The sort key of pairs: by their surfaces, with shapes last.

@@ -10,7 +10,7 @@ mod mover;
 mod path;
 mod sweeping;
 
-use std::{sync::Arc, time::Instant};
+use std::sync::Arc;
 
 use bevy_app::prelude::*;
 use bevy_ecs::{entity::EntityHashMap, prelude::*, query::QueryData};
@@ -25,7 +25,7 @@ use self::{
 };
 use super::state::{SurfaceState, SurfaceStates};
 use crate::{
-    diagnostics::DetectionDiagnostics,
+    diagnostics::{DetectionDiagnostics, StageWatch},
     kernel::{
         bvh::tree::BoxTree,
         ccd::{PairImpact, Sweep, TreeWork},
@@ -147,7 +147,7 @@ fn find_impacts(
     states: Res<SurfaceStates>,
     mut surfaces: Query<SweptItem>,
 ) {
-    let start = Instant::now();
+    let start = StageWatch::start("swept");
     let buffers = &mut *buffers;
     if buffers.detection != history.detection {
         // The game has gone back in time.
@@ -213,7 +213,7 @@ fn find_impacts(
     if cost.pairs > 0 {
         diagnostics.swept_trees_built = cost.trees_built;
         diagnostics.swept_trees_refitted = cost.trees_refitted;
-        diagnostics.finish("swept", start, cost.candidates, found.pairs.iter().map(|pair| pair.impacts.len()).sum());
+        diagnostics.finish(start, cost.candidates, found.pairs.iter().map(|pair| pair.impacts.len()).sum());
     }
 }
 
