@@ -66,6 +66,8 @@ pub mod geometry {
 /// Pure geometry, for this crate and its own tests, benches, and reports. It may change in any version.
 #[doc(hidden)]
 pub mod kernel;
+#[cfg(feature = "diagnostic")]
+mod measurements;
 mod plugins;
 #[cfg(feature = "reflect")]
 mod reflect;
@@ -83,6 +85,8 @@ pub use spatial_query::{ClosestPoint, RayHit, ShapeHit, SurfaceOverlap, SurfaceQ
 pub use surface::*;
 
 pub use detection::{Containments, TetrahedralContainmentPlugin, VertexContainment};
+#[cfg(feature = "diagnostic")]
+pub use measurements::CollisionDiagnosticsPlugin;
 pub use plugins::DeformableCollisionPlugins;
 #[cfg(feature = "reflect")]
 pub use reflect::ReflectPlugin;
