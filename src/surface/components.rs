@@ -293,7 +293,7 @@ pub enum SurfaceShape {
     ///
     /// Used between surfaces and against rigid shapes. With the method `Circumsphere`, each triangle has the sphere that
     /// osculates its patch, and each pair of surfaces one contact per pair of these spheres. The balls of
-    /// `BoundingSphere` contain the patches. [`SweptCollision`] sees the flat triangles.
+    /// `BoundingSphere` contain the patches. [`SweptCollision`](super::SweptCollision) sees the flat triangles.
     Smooth,
 }
 

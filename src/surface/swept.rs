@@ -8,10 +8,10 @@ use glam::Vec3;
 use crate::kernel::pose::Pose;
 
 /// Sweeps the surface's motion since the last tick against every surface that it meets by its layers, and with
-/// [`SelfCollision`] against itself. This finds what passes through another surface between two ticks, and the time at
-/// which they first meet. Read the results with [`SurfaceImpacts`](crate::SurfaceImpacts). Use it for bullets, thin
-/// sheets, and anything else that may move farther than its contact distance in a tick. Contacts are the same with or
-/// without it.
+/// [`SelfCollision`](super::SelfCollision) against itself. This finds what passes through another surface between two
+/// ticks, and the time at which they first meet. Read the results with [`SurfaceImpacts`](crate::SurfaceImpacts). Use it
+/// for bullets, thin sheets, and anything else that may move farther than its contact distance in a tick. Contacts are the
+/// same with or without it.
 ///
 /// - Vertices move in straight lines in the world, from where they were in the last detection to where they are now.
 ///   With a [`SweptTarget`], they move from where they are now to the target.
@@ -26,7 +26,8 @@ use crate::kernel::pose::Pose;
 /// - An impact is when two triangles are at distance 0. Thickness does not count. The time is never later than the true
 ///   one. It is earlier by at most the rounding error of f64, a motion of about 1e-13 of the size of the surfaces. What
 ///   touches or crosses at the start is an impact at time 0.
-/// - In its first tick, after a jump ([`Teleported`](super::Teleported)), and after a pause, a surface has no motion except to a target.
+/// - In its first tick, after a jump ([`Teleported`](super::Teleported)), and after a pause, a surface has no motion
+///   except to a target.
 /// - Solids have their exact shape, except for cylinders and cones, which become inscribed ones with 256 flat sides.
 ///   What starts inside a solid meets it on its way out.
 ///
@@ -71,8 +72,8 @@ impl PreviousPositions {
 }
 
 /// Where a solver expects the vertices of a surface at the end of this tick, in the surface's own frame and in the
-/// order of [`SurfacePositions`]. The motion from the current positions to these is swept, instead of the motion since
-/// the last tick. Write it in [`DeformableSystems::Predict`](crate::DeformableSystems::Predict).
+/// order of [`SurfacePositions`](super::SurfacePositions). The motion from the current positions to these is swept, instead
+/// of the motion since the last tick. Write it in [`DeformableSystems::Predict`](crate::DeformableSystems::Predict).
 ///
 /// Every surface has one, and so has every rigid shape made of triangles. Default: empty, which means no target. A
 /// surface with a target is swept even without [`SweptCollision`], as long as anything has that component.
