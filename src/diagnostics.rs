@@ -6,6 +6,39 @@ use bevy_ecs::prelude::*;
 #[cfg(feature = "reflect")]
 use bevy_reflect::prelude::*;
 
+/// Measures how long a stage takes. With the feature `trace`, there is a span for as long as it exists.
+pub(crate) struct StageWatch {
+    name: &'static str,
+    start: Instant,
+    #[cfg(feature = "trace")]
+    _span: tracing::span::EnteredSpan,
+}
+
+impl StageWatch {
+    pub(crate) fn start(name: &'static str) -> Self {
+        Self {
+            name,
+            start: Instant::now(),
+            #[cfg(feature = "trace")]
+            _span: tracing::info_span!("collision stage", name).entered(),
+        }
+    }
+
+    pub(crate) fn elapsed(&self) -> Duration {
+        self.start.elapsed()
+    }
+
+    /// Ends the stage, and returns how long it took.
+    pub(crate) fn stop(self) -> Duration {
+        self.elapsed()
+    }
+
+    /// The same watch as if it had been started later.
+    pub(crate) fn without(self, duration: Duration) -> Self {
+        Self { start: self.start + duration, ..self }
+    }
+}
+
 /// One stage of the last tick.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "reflect", derive(Reflect), reflect(Clone, Debug, PartialEq))]
@@ -79,8 +112,8 @@ impl DetectionDiagnostics {
         self.stages.clear();
     }
 
-    pub(crate) fn finish(&mut self, name: &'static str, start: Instant, pairs_in: usize, pairs_out: usize) {
-        self.stages.push(StageDiagnostics { name, duration: start.elapsed(), pairs_in, pairs_out });
+    pub(crate) fn finish(&mut self, watch: StageWatch, pairs_in: usize, pairs_out: usize) {
+        self.stages.push(StageDiagnostics { name: watch.name, duration: watch.stop(), pairs_in, pairs_out });
         self.total =
             self.tick_start.map_or(Duration::ZERO, |begin| begin.elapsed()).saturating_sub(self.first_tree_builds);
     }

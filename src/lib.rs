@@ -66,10 +66,13 @@ pub mod geometry {
 /// Pure geometry, for this crate and its own tests, benches, and reports. It may change in any version.
 #[doc(hidden)]
 pub mod kernel;
+#[cfg(feature = "diagnostic")]
+mod measurements;
 mod plugins;
 #[cfg(feature = "reflect")]
 mod reflect;
 pub mod response;
+mod rollback;
 mod schedule;
 mod settings;
 mod spatial_query;
@@ -82,9 +85,12 @@ pub use spatial_query::{ClosestPoint, RayHit, ShapeHit, SurfaceOverlap, SurfaceQ
 pub use surface::*;
 
 pub use detection::{Containments, TetrahedralContainmentPlugin, VertexContainment};
+#[cfg(feature = "diagnostic")]
+pub use measurements::CollisionDiagnosticsPlugin;
 pub use plugins::DeformableCollisionPlugins;
 #[cfg(feature = "reflect")]
 pub use reflect::ReflectPlugin;
+pub use rollback::{CollisionHistory, RollbackPlugin};
 pub use schedule::{DeformableSystems, SurfaceDetection, SurfaceDetectionSystems};
 pub use settings::{CircumsphereSettings, SphereContactDetail};
 
@@ -110,10 +116,11 @@ pub mod prelude {
         settings::{CircumsphereSettings, SphereContactDetail},
         spatial_query::{RayHit, SurfaceQuery, SurfaceQueryFilter},
         surface::{
-            ContactEventsEnabled, ContactMethod, ContactSide, DeformableSurface, QuarantineReason, QueryOnly,
-            RigidShape, SelfCollision, Sidedness, SurfaceDisabled, SurfaceFrame, SurfaceLayers, SurfaceOrder,
-            SurfacePositions, SurfaceQuarantined, SurfaceShape, SurfaceStatus, SurfaceThickness, SweptCollision,
-            SweptTarget, Teleported, TetrahedralBody,
+            CandidatePair, ContactEventHold, ContactEventsEnabled, ContactFilter, ContactMethod, ContactSide,
+            DeformableSurface, QuarantineReason, QueryOnly, RestContactsIgnored, RigidShape, SelfCollision, Sidedness,
+            SurfaceDisabled, SurfaceFrame, SurfaceLayers, SurfaceOrder, SurfacePositions, SurfaceQuarantined,
+            SurfaceShape, SurfaceStatus, SurfaceThickness, SweptCollision, SweptTarget, Teleported, TetrahedralBody,
+            TriangleLayers,
         },
     };
     pub use parry3d::shape::SharedShape;

@@ -12,12 +12,14 @@ use crate::{
         SurfaceForces, SurfaceFriction, SurfaceReaction, SurfaceWind, XpbdBody, XpbdDiagnostics, XpbdSettings,
         XpbdTethers,
     },
+    rollback::CollisionHistory,
     settings::CircumsphereSettings,
     surface::{
-        ActiveSurfaces, Circumspheres, ContactEventsEnabled, ContactMethod, DeformableSurface, EnclosingBalls,
-        PreviousPositions, QueryOnly, RigidShape, SelfCollision, Sidedness, SurfaceDisabled, SurfaceFrame,
-        SurfaceLayers, SurfaceOrder, SurfacePositions, SurfaceQuarantined, SurfaceShape, SurfaceStatus,
-        SurfaceThickness, SweptCollision, SweptTarget, Teleported, TetrahedralBody, TriangleCones, TriangleCurvature,
+        ActiveSurfaces, Circumspheres, ContactEventHold, ContactEventsEnabled, ContactFilter, ContactMethod,
+        DeformableSurface, EnclosingBalls, PreviousPositions, QueryOnly, RestContactsIgnored, RigidShape,
+        SelfCollision, Sidedness, SurfaceDisabled, SurfaceFrame, SurfaceLayers, SurfaceOrder, SurfacePositions,
+        SurfaceQuarantined, SurfaceShape, SurfaceStatus, SurfaceThickness, SweptCollision, SweptTarget, Teleported,
+        TetrahedralBody, TriangleCones, TriangleCurvature, TriangleLayers,
     },
 };
 
@@ -37,12 +39,12 @@ impl Plugin for ReflectPlugin {
     fn build(&self, app: &mut App) {
         register!(app:
             // Written by the game.
-            CircumsphereSettings, ContactEventsEnabled, ContactMethod, DeformableSurface, QueryOnly, RigidShape, SelfCollision,
+            CircumsphereSettings, ContactEventHold, ContactEventsEnabled, ContactFilter, ContactMethod, DeformableSurface, QueryOnly, RestContactsIgnored, RigidShape, SelfCollision,
             Sidedness, SurfaceDisabled, SurfaceForces, SurfaceFrame, SurfaceFriction, SurfaceLayers, SurfaceOrder,
-            SurfacePositions, SurfaceShape, SurfaceThickness, SurfaceWind, SweptCollision, SweptTarget, Teleported, TetrahedralBody, XpbdBody,
+            SurfacePositions, SurfaceShape, SurfaceThickness, SurfaceWind, SweptCollision, SweptTarget, Teleported, TetrahedralBody, TriangleLayers, XpbdBody,
             XpbdSettings, XpbdTethers,
             // Written by the plugins.
-            ActiveSurfaces, CandidateTrianglePairs, Circumspheres, ContactStore, Containments, DetectionDiagnostics, EnclosingBalls,
+            ActiveSurfaces, CandidateTrianglePairs, Circumspheres, CollisionHistory, ContactStore, Containments, DetectionDiagnostics, EnclosingBalls,
             ExactTrianglePairs, MeetingCaps, OverlappingTrianglePairs, PreviousPositions, SphereContacts,
             SurfaceContactEnd, SurfaceContactStart, SurfaceQuarantined, SurfaceReaction, SurfaceStatus, SweptImpacts, TriangleCones,
             TriangleCurvature, XpbdDiagnostics,

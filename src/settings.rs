@@ -18,6 +18,7 @@ pub(crate) const EVENT_HYSTERESIS: f32 = 1.0e-3;
 /// What the sphere methods report about contacts.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "reflect", derive(Reflect), reflect(Clone, Debug, Default, PartialEq))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum SphereContactDetail {
     /// Only which triangles are in contact and how far apart they are, in
     /// [`StoredPair::sphere_contacts`](crate::StoredPair::sphere_contacts). The lists of contacts and touching pairs
@@ -34,6 +35,8 @@ pub enum SphereContactDetail {
 /// not finite becomes 0.
 #[derive(Resource, Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "reflect", derive(Reflect), reflect(Resource, Clone, Debug, Default, PartialEq))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", serde(default, deny_unknown_fields))]
 pub struct CircumsphereSettings {
     /// How much farther than the contact distance contacts are still reported, with positive separation. In world
     /// units, 0 or more. Default: 0. A solver that takes several steps per detection sets it to how far things move in

@@ -11,7 +11,7 @@ use petgraph::{algo::tarjan_scc, graphmap::DiGraphMap};
 
 /// The folders of `src/`. Each may import from itself and from those before it. `kernel` is a single folder to the
 /// others.
-const ROOMS: [&str; 12] = [
+const ROOMS: [&str; 14] = [
     "kernel",
     "settings",
     "schedule",
@@ -21,6 +21,8 @@ const ROOMS: [&str; 12] = [
     "contacts",
     "spatial_query",
     "response",
+    "rollback",
+    "measurements",
     "debug",
     "reflect",
     "plugins",

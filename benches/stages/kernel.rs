@@ -71,6 +71,7 @@ impl Sheet {
             bulge: 0.0,
             cull: true,
             same_surface: true,
+            any_left_out: false,
         };
         Self { topology, positions, settings }
     }

@@ -48,6 +48,7 @@ pub fn narrow_phase(bytes: &[u8]) {
         bulge: 0.0,
         cull: false,
         same_surface,
+        any_left_out: false,
     };
     let candidates = candidates(&surface_a, surface_b, same_surface);
     let found = detect(exact_pairs, [&a, &b], &candidates, &settings);

@@ -142,6 +142,7 @@ fn detect(surface: &FuzzedSurface, state: &State, cull: bool, one_sided: bool) {
         bulge: 0.0,
         cull,
         same_surface: true,
+        any_left_out: false,
     };
     let (mut found, mut overlapping) = (FoundPairs::default(), Vec::new());
     let balls = BallSide { surface: side, balls: &state.balls, pose: None, rows: None };

@@ -1,11 +1,14 @@
 //! Announces when two sides come into contact and when they separate. Compares the [`ContactStore`] with the last tick,
 //! in [`DeformableSystems::Events`].
 
-use std::collections::{HashMap, HashSet};
+use std::{
+    cell::LazyCell,
+    collections::{HashMap, HashSet},
+};
 
 use bevy_app::prelude::*;
 use bevy_ecs::{
-    entity::Entities,
+    entity::{Entities, EntityHashMap},
     prelude::*,
     schedule::{InternedScheduleLabel, ScheduleLabel},
 };
@@ -17,7 +20,7 @@ use crate::{
     kernel::capacity,
     schedule::DeformableSystems,
     settings::EVENT_HYSTERESIS,
-    surface::{PendingQuarantines, SurfaceQuarantined},
+    surface::{ActiveShape, ActiveSurface, ActiveSurfaces, PendingQuarantines, SurfaceQuarantined},
 };
 
 /// Two surfaces, or a surface and a shape, came into contact in this tick. Sent if at least one of them has
@@ -27,6 +30,7 @@ use crate::{
 /// `entity`. In a self-collision, both sides are the same entity.
 #[derive(Message, EntityEvent, Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "reflect", derive(Reflect), reflect(Message, Event, Clone, Debug, PartialEq))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct SurfaceContactStart {
     /// One side.
     pub entity: Entity,
@@ -35,9 +39,10 @@ pub struct SurfaceContactStart {
 }
 
 /// Two surfaces, or a surface and a shape, are no longer in contact, because they separated or because one of them no
-/// longer takes part. Sent like [`SurfaceContactStart`]. Entities that no longer exist get no event.
+/// longer takes part. Sent like [`SurfaceContactStart`], or [later](crate::ContactEventHold). Entities that no longer exist get no event.
 #[derive(Message, EntityEvent, Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "reflect", derive(Reflect), reflect(Message, Event, Clone, Debug, PartialEq))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct SurfaceContactEnd {
     /// One side.
     pub entity: Entity,
@@ -84,7 +89,7 @@ fn send_quarantines(
 }
 
 /// The sides that are in contact, and what changed in this tick, whether or not events are enabled.
-#[derive(Resource, Default)]
+#[derive(Resource, Clone, Default)]
 pub(crate) struct TouchingSides {
     touching: Vec<Touching>,
     /// Pairs that came into contact in this tick, in the order of the store.
@@ -99,11 +104,16 @@ pub(crate) struct Touching {
     pub(crate) sides: [Entity; 2],
     events: [bool; 2],
     order: PairOrder,
+    /// How many ticks in a row the contact may be absent without ending.
+    hold: u32,
+    /// For how many it has been absent.
+    absent: u32,
 }
 
 impl Touching {
     fn new(stored: &StoredPair) -> Self {
-        Self { sides: sides_of(stored), events: stored.events, order: stored.order }
+        let StoredPair { events, order, event_hold: hold, .. } = *stored;
+        Self { sides: sides_of(stored), events, order, hold, absent: 0 }
     }
 
     /// Calls `announce` with each side that has events enabled and still exists, and with the other side.
@@ -118,6 +128,37 @@ impl Touching {
     }
 }
 
+/// What takes part in this tick, by entity. Only needed for contacts that are absent and may not have ended.
+struct TakingPart<'a> {
+    surfaces: EntityHashMap<&'a ActiveSurface>,
+    shapes: EntityHashMap<&'a ActiveShape>,
+}
+
+impl<'a> TakingPart<'a> {
+    fn new(active: &'a ActiveSurfaces) -> Self {
+        Self {
+            surfaces: active.surfaces.iter().map(|surface| (surface.entity, surface)).collect(),
+            shapes: active.shapes.iter().map(|shape| (shape.entity, shape)).collect(),
+        }
+    }
+
+    /// Brings the settings of an absent contact up to date. `None` if the two sides can no longer touch, or if what is
+    /// known of them is void because one of them has jumped.
+    fn settings_of(&self, [a, b]: [Entity; 2]) -> Option<([bool; 2], u32)> {
+        let first = self.surfaces.get(&a)?;
+        let (meet, fresh, events, hold) = match self.surfaces.get(&b) {
+            Some(_) if a == b => (first.self_collision, first.fresh, first.events, first.event_hold),
+            Some(second) => (first.meets(second), second.fresh, second.events, second.event_hold),
+            None => {
+                let shape = self.shapes.get(&b)?;
+                let meet = first.layers.interacts_with(shape.layers);
+                (meet, shape.fresh, shape.events, shape.event_hold)
+            }
+        };
+        (meet && !first.fresh && !fresh).then(|| ([first.events, events], first.event_hold.max(hold)))
+    }
+}
+
 fn sides_of(pair: &StoredPair) -> [Entity; 2] {
     [pair.a.entity(), pair.b.entity()]
 }
@@ -128,20 +169,29 @@ fn name(mut sides: [Entity; 2]) -> [Entity; 2] {
     sides
 }
 
-fn track_contacts(store: Res<ContactStore>, mut sides: ResMut<TouchingSides>) {
+fn track_contacts(store: Res<ContactStore>, active: Res<ActiveSurfaces>, mut sides: ResMut<TouchingSides>) {
     let TouchingSides { touching, started, ended } = &mut *sides;
     let parted =
         |pair: &StoredPair| pair.nearest > f64::from(pair.contact_distance) * (1.0 + f64::from(EVENT_HYSTERESIS));
     let near: HashMap<[Entity; 2], &StoredPair> =
         store.pairs.iter().filter(|pair| !parted(pair)).map(|pair| (name(sides_of(pair)), pair)).collect();
     ended.clear();
+    let taking_part = LazyCell::new(|| TakingPart::new(&active));
     touching.retain_mut(|pair| {
-        let stored = near.get(&name(pair.sides));
-        match stored {
-            Some(stored) => *pair = Touching::new(stored),
-            None => ended.push(*pair),
+        if let Some(stored) = near.get(&name(pair.sides)) {
+            *pair = Touching::new(stored);
+            return true;
         }
-        stored.is_some()
+        pair.absent += 1;
+        let waits = pair.hold >= pair.absent
+            && taking_part.settings_of(pair.sides).is_some_and(|settings| {
+                (pair.events, pair.hold) = settings;
+                pair.hold >= pair.absent
+            });
+        if !waits {
+            ended.push(*pair);
+        }
+        waits
     });
     ended.sort_unstable_by_key(|pair| pair.order);
     let already: HashSet<[Entity; 2]> = touching.iter().map(|pair| name(pair.sides)).collect();

@@ -1,6 +1,6 @@
 //! The last stage of detection: gathers what the stages found into the [`ContactStore`]. The store shares their lists.
 
-use std::{collections::HashMap, sync::Arc, time::Instant};
+use std::{collections::HashMap, sync::Arc};
 
 use bevy_app::prelude::*;
 use bevy_ecs::prelude::*;
@@ -15,6 +15,7 @@ use crate::{
         CandidateTrianglePairs, DetectionDiagnostics, DetectionMemory, ExactTrianglePairs, Frame, OtherSide,
         PairContacts, SphereContacts, SurfacePair, Threads, is_one_sided,
     },
+    diagnostics::StageWatch,
     kernel::capacity,
     schedule::{SurfaceDetection, SurfaceDetectionSystems},
     settings::CircumsphereSettings,
@@ -57,11 +58,11 @@ fn gather_contacts(
     memory: Res<DetectionMemory>,
     mut diagnostics: ResMut<DetectionDiagnostics>,
 ) {
-    let start = Instant::now();
+    let start = StageWatch::start("contacts");
     diagnostics.pairs_kept = memory.kept_count();
     if memory.keeps_all() {
         store.tick += 1;
-        diagnostics.finish("contacts", start, 0, store.contact_count());
+        diagnostics.finish(start, 0, store.contact_count());
         return;
     }
     std::mem::swap(&mut *store, &mut *previous);
@@ -113,7 +114,7 @@ fn gather_contacts(
         by_sides.clear();
         by_sides.shrink_to(count);
     }
-    diagnostics.finish("contacts", start, candidates.pairs.len(), store.contact_count());
+    diagnostics.finish(start, candidates.pairs.len(), store.contact_count());
 }
 
 /// The stored pair of two sides in the last tick, and whether their order has changed since. `None` if there is none,
@@ -151,17 +152,17 @@ fn stored_pair(active: &ActiveSurfaces, pair: &SurfacePair, found: &PairContacts
     let first = &active.surfaces[pair.first];
     let has_inside = |surface: &ActiveSurface| is_one_sided(surface, pair);
     let (a, b) = sides_of(active, pair);
-    let (topology_b, shape, pose_b, one_sided_b, events_b, order_b) = match pair.second {
+    let (topology_b, shape, pose_b, one_sided_b, events_b, hold_b, order_b) = match pair.second {
         OtherSide::Surface(second) => {
             let second = &active.surfaces[second];
             let topology = Some(Arc::clone(&second.topology));
             let one_sided = has_inside(second);
-            (topology, None, second.pose, one_sided, second.events, second.order)
+            (topology, None, second.pose, one_sided, second.events, second.event_hold, second.order)
         }
         OtherSide::Shape(place) => {
             let shape = &active.shapes[place];
             let geometry = Some(Arc::clone(&shape.geometry));
-            (None, geometry, shape.pose, true, shape.events, shape.order)
+            (None, geometry, shape.pose, true, shape.events, shape.event_hold, shape.order)
         }
     };
     StoredPair {
@@ -181,6 +182,7 @@ fn stored_pair(active: &ActiveSurfaces, pair: &SurfacePair, found: &PairContacts
         poses: [first.pose, pose_b],
         one_sided: [has_inside(first), one_sided_b],
         events: [first.events, events_b],
+        event_hold: first.event_hold.max(hold_b),
         order: (matches!(pair.second, OtherSide::Shape(_)), first.order, order_b),
     }
 }

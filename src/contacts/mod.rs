@@ -11,9 +11,10 @@ mod reductions;
 mod sides;
 mod store;
 
-pub use events::{ContactEventsPlugin, SurfaceContactEnd, SurfaceContactStart};
 #[cfg(feature = "rerun")]
-pub(crate) use events::{Touching, TouchingSides};
+pub(crate) use events::Touching;
+pub(crate) use events::TouchingSides;
+pub use events::{ContactEventsPlugin, SurfaceContactEnd, SurfaceContactStart};
 pub use gather::ContactsPlugin;
 pub use impacts::{Impact, SurfaceImpacts};
 pub use reading::{Contact, SmoothNormals, StencilEntry, SurfaceContacts};

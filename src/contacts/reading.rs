@@ -121,6 +121,7 @@ fn complete(feature: Feature, [first, second]: [f32; 2]) -> [f32; 3] {
 
 /// A vertex that a contact acts on.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct StencilEntry {
     /// The surface that the vertex belongs to. In an [impact](crate::Impact::stencil) it may be a rigid shape made of
     /// triangles.

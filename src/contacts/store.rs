@@ -53,6 +53,8 @@ pub struct StoredPair {
     /// Whether the sides have an inside in this pair.
     pub(crate) one_sided: [bool; 2],
     pub(crate) events: [bool; 2],
+    /// How many ticks in a row the contact may be absent without ending.
+    pub(crate) event_hold: u32,
     /// The sort key of pairs in the store: those with a shape that is tested by formula come last, then the order of
     /// both sides decides.
     pub(crate) order: PairOrder,

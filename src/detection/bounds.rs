@@ -1,15 +1,13 @@
 //! Stage 1: takes a snapshot of positions, and computes the boxes of surfaces in the world. Boxes of the
 //! triangles of flat surfaces follow on demand, where something is near.
 
-use std::time::Instant;
-
 use bevy_app::prelude::*;
 use bevy_ecs::prelude::*;
 
 use super::{parallel::for_each_weighed, state::SurfaceStates};
 use crate::{
     detection::pairs::frame_growth,
-    diagnostics::DetectionDiagnostics,
+    diagnostics::{DetectionDiagnostics, StageWatch},
     kernel::{
         capacity,
         mesh::{bounds::Aabb, curved_edges::MOST_UNEVEN},
@@ -40,7 +38,7 @@ fn compute_bounds(
     mut surfaces: Query<(Ref<SurfacePositions>, &mut CheckedPositions)>,
 ) {
     diagnostics.begin_detection();
-    let start = Instant::now();
+    let start = StageWatch::start(DetectionDiagnostics::FIRST_DETECTION_STAGE);
     // A system in `Predict` may have written positions or despawned a surface since `Prepare`. A surface that cannot be
     // used is skipped in this detection. The next `Prepare` reports the reason, if there still is one.
     active.surfaces.retain(|surface| {
@@ -91,5 +89,5 @@ fn compute_bounds(
     }
     let count = surfaces.len();
     capacity::trim(surfaces, count);
-    diagnostics.finish(DetectionDiagnostics::FIRST_DETECTION_STAGE, start, 0, 0);
+    diagnostics.finish(start, 0, 0);
 }

@@ -44,7 +44,7 @@ pub use spheres::{
     refit::RefitPlugin,
 };
 pub use state::{SurfaceState, SurfaceStates};
-pub(crate) use swept::{ImpactReader, ImpactsRead, Sweeping};
+pub(crate) use swept::{ImpactReader, ImpactsRead, Sweeping, SweptHistory};
 pub use swept::{SweptImpact, SweptImpacts, SweptPair, SweptPlugin};
 pub use tetrahedra::{Containments, TetrahedralContainmentPlugin, VertexContainment};
 

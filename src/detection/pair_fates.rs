@@ -28,7 +28,7 @@ use crate::{
         pair_fate::{PairFate, ball_fates, cap_fates, exact_fates, osculating_fates, shape_fates},
     },
     settings::CircumsphereSettings,
-    surface::{ActiveSurfaces, ContactMethod},
+    surface::{ActiveSurfaces, ContactFilter, ContactMethod, PairFilter},
 };
 
 /// Finds the step at which each pair of triangles with overlapping boxes was dropped.
@@ -66,6 +66,7 @@ pub struct PairFates<'w, 's> {
     kept: Res<'w, KeptPairs>,
     states: Res<'w, SurfaceStates>,
     surfaces: SphereQuery<'w, 's>,
+    game: Option<Res<'w, ContactFilter>>,
 }
 
 impl PairFates<'_, '_> {
@@ -87,7 +88,7 @@ impl PairFates<'_, '_> {
 
     /// The fate of two triangles, each with its entity, in either order. For a solid that is tested by formula, the
     /// triangle is `TriangleId(0)`. `None` if the broad phase has not paired them (their boxes do not overlap, their
-    /// layers do not meet, the surface has no self-collision, …), and where [`of`](Self::of) is empty.
+    /// layers do not meet, the surface has no self-collision, …) or has left them out, and where [`of`](Self::of) is empty.
     #[must_use]
     pub fn between(&self, a: (Entity, TriangleId), b: (Entity, TriangleId)) -> Option<PairFate> {
         self.candidates.pairs.iter().enumerate().find_map(|(place, pair)| {
@@ -101,7 +102,8 @@ impl PairFates<'_, '_> {
                         self.of_triangles(pair, &[triangles])?.first().copied()
                     } else if let Some(mut listed) = self.kept.reused(place) {
                         let is_whole = self.is_as_detected(pair, &[triangles]);
-                        (is_whole && listed.any(|other| other == triangles)).then_some(PairFate::Remembered)
+                        (is_whole && listed.any(|other| other == triangles) && self.may_touch(pair, triangles))
+                            .then_some(PairFate::Remembered)
                     } else {
                         let parts = |traversal: Traversal<'_>| traversal.is_dropped_by_slabs(triangles);
                         self.traverse(pair, parts)?.then_some(PairFate::Planes)
@@ -117,7 +119,8 @@ impl PairFates<'_, '_> {
             return Vec::new();
         };
         let candidates: HashSet<[u32; 2]> = pair.triangles.iter().copied().collect();
-        listed.filter(|triangles| !candidates.contains(triangles)).collect()
+        let may_touch = |triangles: &[u32; 2]| self.may_touch(pair, *triangles);
+        listed.filter(|triangles| !candidates.contains(triangles) && may_touch(triangles)).collect()
     }
 
     /// The pairs of triangles that the broad phase dropped by slabs. Empty if another broad phase than the tree's ran.
@@ -154,6 +157,13 @@ impl PairFates<'_, '_> {
         let sides = [side(pair.first, first_region)?, side(second, second_region)?];
         let mut leaves = MovedLeaves::default();
         Some(ask(Traversal::new(&self.active, pair, &self.settings, sides, &mut leaves)?))
+    }
+
+    /// Whether the last step of the broad phase leaves two triangles in.
+    fn may_touch(&self, pair: &SurfacePair, triangles: [u32; 2]) -> bool {
+        let sides = pair.filter_sides(&self.active);
+        let filter = PairFilter::between(&sides[0], &sides[1], pair.is_self(), self.game.as_deref());
+        filter.is_none_or(|filter| filter.allows(triangles))
     }
 
     /// Whether two triangles of a surface are different and share a vertex.

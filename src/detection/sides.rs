@@ -51,6 +51,7 @@ pub(crate) fn pair_settings(pair: &SurfacePair, settings: &CircumsphereSettings)
             ContactMethod::BoundingSphere | ContactMethod::Closest | ContactMethod::Exact => true,
         },
         same_surface: pair.is_self(),
+        any_left_out: pair.any_left_out,
     }
 }
 

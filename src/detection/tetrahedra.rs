@@ -1,7 +1,7 @@
 //! Which vertices lie in tetrahedral bodies, how deep, and the shortest way out. Optional, beside the stages: reads
 //! positions as `Prepare` has found them.
 
-use std::{collections::HashMap, time::Instant};
+use std::collections::HashMap;
 
 use bevy_app::prelude::*;
 use bevy_ecs::prelude::*;
@@ -11,7 +11,7 @@ use glam::{DVec3, Vec3};
 
 use super::pairs::moved_box;
 use crate::{
-    diagnostics::DetectionDiagnostics,
+    diagnostics::{DetectionDiagnostics, StageWatch},
     kernel::{
         mesh::{
             bounds::{Aabb, point_bounds},
@@ -47,6 +47,7 @@ impl Plugin for TetrahedralContainmentPlugin {
 
 /// A vertex of one body that lies in a tetrahedron of another, or in one of its own body.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct VertexContainment {
     /// The body of the vertex.
     pub body: Entity,
@@ -123,7 +124,7 @@ fn find_containments(
     active: Res<ActiveSurfaces>,
     bodies: Query<(&TetrahedralBody, &SurfacePositions)>,
 ) {
-    let watch = Instant::now();
+    let watch = StageWatch::start("containments");
     containments.found.clear();
     let bodies: Vec<ActiveBody> = active
         .surfaces
@@ -168,7 +169,7 @@ fn find_containments(
                 .extend(inside.iter().map(|inside| penetration(surface, body, container, is_own, inside)));
         }
     }
-    diagnostics.finish("containments", watch, pairs, containments.found.len());
+    diagnostics.finish(watch, pairs, containments.found.len());
 }
 
 /// The vertices of one body as points in the frame of another.

@@ -17,6 +17,7 @@ pub(in crate::kernel) const FEATURE_BITS: u32 = 28;
 /// Identifies a contact within its pair of surfaces: the kinds of both features and their [numbers](feature_number).
 /// The same two features have the same key in every tick, so a solver can keep its state per contact.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct ContactKey(pub u64);
 
 impl ContactKey {
@@ -95,6 +96,7 @@ fn welded_feature_number(topology: &SurfaceTopology, positions: &[Vec3], triangl
 
 /// One feature pair in contact. Positions and directions are in the pair's frame, distances in world units.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct CompactContact {
     /// Identifies the feature pair within its pair of surfaces.
     pub key: ContactKey,
@@ -125,6 +127,7 @@ pub struct CompactContact {
 
 /// A [shared](CompactContact::is_shared) contact of a list.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct SharedContact {
     /// Its key.
     pub key: ContactKey,
@@ -147,6 +150,7 @@ impl SharedContact {
 
 /// A touching pair of triangles.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct TouchingPair {
     /// Triangle of the first surface.
     pub triangle_a: u32,

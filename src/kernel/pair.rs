@@ -250,6 +250,9 @@ pub struct PairSettings {
     pub cull: bool,
     /// Whether both sides are the same surface.
     pub same_surface: bool,
+    /// Whether pairs within the range are missing among the candidates, although they are no neighbors. Each pair then
+    /// reports all of its features, because the first triangles around them need not be a candidate.
+    pub any_left_out: bool,
 }
 
 impl PairSettings {

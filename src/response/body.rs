@@ -28,18 +28,23 @@ use crate::{
 /// no resistance.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "reflect", derive(Reflect), reflect(Clone, Debug, PartialEq))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", serde(default, deny_unknown_fields))]
 pub struct XpbdMaterial {
     /// Mass per area of the surface, in kilograms per square meter; more than 0. Default 0.2, a light cloth.
     pub area_density: f32,
     /// Compliance of every edge against stretching and compression, in meters per newton; 0 or more. Default 0: cloth
     /// hardly stretches.
+    #[cfg_attr(feature = "serde", serde(with = "super::compliance"))]
     pub stretch_compliance: f32,
     /// Compliance of every inner edge against bending, in radians per newton meter; 0 or more. Default 30,000, a soft
     /// cloth with edges of a few centimeters.
+    #[cfg_attr(feature = "serde", serde(with = "super::compliance"))]
     pub bend_compliance: f32,
     /// Compliance of a closed body against a change of its volume, in cubic meters per pascal; 0 or more. Default
     /// infinite: cloth has no volume. It has no effect on surfaces that are not [closed](SurfaceTopology::is_closed):
     /// [`XpbdBody::new`] warns about the first one.
+    #[cfg_attr(feature = "serde", serde(with = "super::compliance"))]
     pub volume_compliance: f32,
     /// Share of the velocity lost to air drag, per second; 0 or more. Default 2: a light cloth falls at 5 meters per
     /// second at most.
@@ -132,6 +137,8 @@ pub enum XpbdBodyError {
 /// frictionless side slides on everything.
 #[derive(Component, Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "reflect", derive(Reflect), reflect(Component, Clone, Debug, Default, PartialEq))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", serde(default, deny_unknown_fields))]
 pub struct SurfaceFriction {
     /// Static coefficient: a resting contact holds while the tangential force is at most this share of the normal
     /// force. 0 or more. Default 0.5.

@@ -27,6 +27,8 @@ use crate::kernel::{mesh::ids::VertexId, xpbd::Air};
 /// ```
 #[derive(Component, Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "reflect", derive(Reflect), reflect(Component, Clone, Debug, Default, PartialEq))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", serde(default, deny_unknown_fields))]
 pub struct SurfaceWind {
     /// Velocity in the world, in meters per second. Default 0: still air.
     pub velocity: Vec3,
@@ -62,6 +64,7 @@ impl SurfaceWind {
 /// For an impulse, use [`XpbdBody::apply_impulse`].
 #[derive(Component, Clone, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "reflect", derive(Reflect), reflect(Component, Clone, Debug, Default, PartialEq))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct SurfaceForces(pub Vec<Vec3>);
 
 impl XpbdBody {

@@ -89,7 +89,7 @@ pub(super) struct Gatherer {
     /// Unit vector along which the first side of the current pair moves back against the second, if a part of either is
     /// cut off.
     back: Option<DVec3>,
-    insides: Insides,
+    pub(super) insides: Insides,
     pub(super) reactions: Reactions,
 }
 

@@ -117,10 +117,13 @@
 //! ```
 
 mod body;
+#[cfg(feature = "serde")]
+mod compliance;
 mod contact;
 mod forces;
 mod gather;
 mod guard;
+mod history;
 mod inside;
 mod meeting;
 mod motion;
@@ -149,6 +152,7 @@ use crate::{
 };
 pub use body::{SurfaceFriction, XpbdBody, XpbdBodyError, XpbdMaterial};
 pub use forces::{SurfaceForces, SurfaceWind};
+pub(crate) use history::ResponseHistory;
 pub use reaction::SurfaceReaction;
 pub use respond::XpbdDiagnostics;
 pub use settings::XpbdSettings;

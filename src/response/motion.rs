@@ -29,7 +29,7 @@ use crate::{
 const MOST_PARTS: u32 = 8;
 
 /// The state of an object that the solver does not move, at the end of the last tick.
-#[derive(Debug, Default)]
+#[derive(Clone, Debug, Default)]
 struct Trace {
     stand: Stand,
     /// The last change of its positions.
@@ -38,7 +38,7 @@ struct Trace {
 }
 
 /// The trajectories of everything that the solver does not move.
-#[derive(Resource, Debug, Default)]
+#[derive(Resource, Clone, Debug, Default)]
 pub(super) struct Motions {
     tick: u64,
     traces: EntityHashMap<Trace>,

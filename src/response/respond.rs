@@ -1,9 +1,6 @@
 //! The systems of the response: choose margins for detection, solve the tick, and write the result back.
 
-use std::{
-    mem,
-    time::{Duration, Instant},
-};
+use std::{mem, time::Duration};
 
 use bevy_ecs::{entity::EntityHashMap, prelude::*};
 #[cfg(feature = "reflect")]
@@ -25,6 +22,7 @@ use super::{
 };
 use crate::{
     detection::ImpactsRead,
+    diagnostics::StageWatch,
     kernel::{
         mesh::{ids::VertexId, topology::SurfaceTopology},
         pose::Pose,
@@ -83,12 +81,12 @@ pub struct XpbdDiagnostics {
 #[derive(Resource, Default)]
 pub(super) struct Response {
     solver: Solver,
-    gatherer: Gatherer,
+    pub(super) gatherer: Gatherer,
     guard: Guard,
     /// The bodies of this tick, in the order of the solver.
     moved: Vec<Entity>,
     /// The margins of each body.
-    margins: EntityHashMap<BodyMargins>,
+    pub(super) margins: EntityHashMap<BodyMargins>,
     /// How far something falls from rest in this tick or part, in world units.
     fall: f32,
     refused: Vec<Entity>,
@@ -181,8 +179,8 @@ fn speeds(body: &XpbdBody) -> [f32; 2] {
 }
 
 /// The margins of a body, against itself and against others.
-#[derive(Default)]
-struct BodyMargins {
+#[derive(Clone, Default)]
+pub(super) struct BodyMargins {
     own: Margin,
     other: Margin,
     /// Whether the body takes part in this tick.
@@ -190,7 +188,7 @@ struct BodyMargins {
 }
 
 /// A margin, in steps of powers of two.
-#[derive(Default)]
+#[derive(Clone, Default)]
 struct Margin {
     /// In world units. 0 before the first tick.
     width: f32,
@@ -316,7 +314,7 @@ fn respond(
     }
     let mut settings = settings.in_range();
     settings.substeps = settings.substeps.div_ceil(parts).max(LEAST_SUBSTEPS.min(settings.substeps));
-    let start = Instant::now();
+    let start = StageWatch::start("gather");
     sleep.wake_touched(&scene);
     diagnostics.asleep = sleep.count();
     let Response { solver, gatherer, guard, moved, refused, fall, .. } = response;
@@ -343,8 +341,8 @@ fn respond(
     diagnostics.inside = gatherer.lead_out(solver, &scene);
     gatherer.add_contacts(solver, &scene, Watch { duration, fall: f64::from(*fall) });
     diagnostics.bodies = moved.len();
-    diagnostics.gathering += start.elapsed();
-    let start = Instant::now();
+    diagnostics.gathering += start.stop();
+    let start = StageWatch::start("solve");
     let threads = scene.threads();
     solver.begin();
     let mut solved = solver.advance(threads, duration, &settings);
@@ -357,8 +355,8 @@ fn respond(
         diagnostics.solved_again += 1;
     }
     diagnostics.contacts = solver.contacts.len();
-    diagnostics.solving += start.elapsed();
-    let start = Instant::now();
+    diagnostics.solving += start.stop();
+    let start = StageWatch::start("guard");
     solver.follow_welds();
     let mut met = guard.begin(&solver.particles, &scene, gatherer);
     let mut solved_again = Solved::default();
@@ -389,7 +387,7 @@ fn respond(
     diagnostics.vertices_stopped += guarded.stopped;
     diagnostics.impacts_remaining += guarded.remaining;
     diagnostics.jammed.extend(guarded.jammed);
-    diagnostics.guarding += start.elapsed();
+    diagnostics.guarding += start.stop();
 }
 
 /// Writes positions and velocities to the bodies. A body with a vertex out of the computable range is not written: it

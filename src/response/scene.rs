@@ -17,7 +17,7 @@ use crate::{
     detection::{SharedList, Threads},
     kernel::{contact::TouchingPair, mesh::feature::FeatureKind, pose::Pose},
     settings::CircumsphereSettings,
-    surface::{ActiveShape, ActiveSurfaces, SurfacePositions, SweptCollision},
+    surface::{ActiveShape, ActiveSurfaces, ContactFilter, SurfacePositions, SweptCollision},
 };
 
 /// What the response reads from the world.
@@ -30,6 +30,7 @@ pub(super) struct Scene<'w, 's> {
     pub(super) tethers: Query<'w, 's, &'static XpbdTethers>,
     pub(super) winds: Query<'w, 's, &'static SurfaceWind>,
     pub(super) forces: Query<'w, 's, &'static SurfaceForces>,
+    pub(super) filter: Option<Res<'w, ContactFilter>>,
     detection: Res<'w, CircumsphereSettings>,
     reactions: Query<'w, 's, (), With<SurfaceReaction>>,
     frictions: Query<'w, 's, &'static SurfaceFriction>,

@@ -12,6 +12,8 @@ use glam::Vec3;
 /// default.
 #[derive(Resource, Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "reflect", derive(Reflect), reflect(Resource, Clone, Debug, Default, PartialEq))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", serde(default, deny_unknown_fields))]
 pub struct XpbdSettings {
     /// Acceleration of all vertices that have mass, in world units per second squared. Default 9.81 downwards along y.
     pub gravity: Vec3,

@@ -7,6 +7,7 @@ use crate::kernel::mesh::ids::TriangleId;
 
 /// Where a ray meets a surface or shape.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct RayHit {
     /// The surface or shape.
     pub entity: Entity,
@@ -28,6 +29,7 @@ pub struct RayHit {
 
 /// The point of a surface or shape that is closest to another point.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct ClosestPoint {
     /// The surface or shape.
     pub entity: Entity,
@@ -45,6 +47,7 @@ pub struct ClosestPoint {
 
 /// A triangle or a solid that overlaps a volume.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct SurfaceOverlap {
     /// The surface or shape.
     pub entity: Entity,
@@ -54,6 +57,7 @@ pub struct SurfaceOverlap {
 
 /// Where a moving shape first meets a surface or shape.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct ShapeHit {
     /// The surface or shape.
     pub entity: Entity,

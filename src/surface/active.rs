@@ -11,13 +11,14 @@ use glam::Vec3;
 
 use super::components::{ContactMethod, SurfaceLayers, SurfaceShape};
 use crate::kernel::{
-    exact::rigid_shape::ShapeGeometry,
+    exact::{rest_pairs::RestPairs, rigid_shape::ShapeGeometry},
     mesh::{bounds::Aabb, topology::SurfaceTopology},
     pose::Pose,
 };
 
 /// One side of a contact.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum ContactSide {
     /// A deformable surface.
     Surface(Entity),
@@ -63,6 +64,8 @@ pub struct ActiveSurface {
     pub rigid: bool,
     /// Whether it has contact messages and events enabled.
     pub events: bool,
+    /// How many ticks in a row its contacts may be absent without ending.
+    pub event_hold: u32,
     /// Whether results of earlier ticks are invalid: the surface is new, has a new mesh or frame, was teleported, or
     /// took no part in the last tick.
     pub fresh: bool,
@@ -77,6 +80,10 @@ pub struct ActiveSurface {
     pub margin: f32,
     /// Its box in the world, in world units, grown by thickness and half the margin. Written by the bounds stage.
     pub world_bounds: Aabb,
+    /// The layers of each triangle, if they differ.
+    pub(crate) triangle_layers: Option<Arc<[SurfaceLayers]>>,
+    /// Pairs of its own triangles that make no contact.
+    pub(crate) rest_pairs: Option<Arc<RestPairs>>,
     pub(crate) order: SideOrder,
 }
 
@@ -129,6 +136,8 @@ pub struct ActiveShape {
     pub fresh: bool,
     /// Whether it has contact messages and events enabled.
     pub events: bool,
+    /// How many ticks in a row its contacts may be absent without ending.
+    pub event_hold: u32,
     pub(crate) order: SideOrder,
 }
 

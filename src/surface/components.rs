@@ -4,21 +4,19 @@
 
 use std::sync::Arc;
 
-use bevy_ecs::{change_detection::Tick, lifecycle::HookContext, prelude::*, world::DeferredWorld};
+use bevy_ecs::prelude::*;
 #[cfg(feature = "reflect")]
 use bevy_reflect::prelude::*;
 use bevy_transform::components::Transform;
-use bytemuck::cast_slice;
 use glam::Vec3;
 
 use super::{
+    checked::{CheckedPositions, Registration},
     quarantine::QuarantineReason,
     spheres::{Circumspheres, EnclosingBalls, TriangleCones, TriangleCurvature},
+    swept::SweptTarget,
 };
-use crate::kernel::{
-    mesh::{ids::VertexId, topology::SurfaceTopology, validation::TopologyError},
-    pose::Pose,
-};
+use crate::kernel::mesh::{topology::SurfaceTopology, validation::TopologyError};
 
 /// A triangle mesh that may deform and takes part in contacts.
 ///
@@ -157,12 +155,14 @@ impl SurfaceBuilder<'_> {
 /// it is unspecified which stages notice such a write.
 #[derive(Component, Clone, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "reflect", derive(Reflect), reflect(Component, Clone, Debug, Default, PartialEq))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct SurfacePositions(pub Vec<Vec3>);
 
 /// Half the distance at which two equal surfaces touch. Two surfaces touch within the sum of their thicknesses. A rigid
 /// shape has no thickness: a surface touches it within its own.
 #[derive(Component, Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "reflect", derive(Reflect), reflect(Component, Clone, Debug, Default, PartialEq))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum SurfaceThickness {
     /// In world units, 0 or more.
     World(f32),
@@ -182,89 +182,14 @@ impl Default for SurfaceThickness {
 /// triangles that share a vertex, or that have [welded](SurfaceBuilder::weld_within) vertices in common.
 #[derive(Component, Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "reflect", derive(Reflect), reflect(Component, Clone, Debug, Default, PartialEq))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct SelfCollision;
-
-/// Sweeps the surface's motion since the last tick against every surface that it meets by its layers, and with
-/// [`SelfCollision`] against itself. This finds what passes through another surface between two ticks, and the time at
-/// which they first meet. Read the results with [`SurfaceImpacts`](crate::SurfaceImpacts). Use it for bullets, thin
-/// sheets, and anything else that may move farther than its contact distance in a tick. Contacts are the same with or
-/// without it.
-///
-/// - Vertices move in straight lines in the world, from where they were in the last detection to where they are now.
-///   With a [`SweptTarget`], they move from where they are now to the target.
-/// - A surface without this component stands still where it is now, even if it has moved since the last tick, unless it
-///   has a [`SweptTarget`]. If two surfaces move, give it to both. [Rigid shapes](super::RigidShape) of all kinds are
-///   swept from their pose in the last detection to the current one, with or without it. A shape with this component
-///   also meets surfaces without it.
-/// - Only fast pairs of triangles are tested: at least one of the two has a vertex that moves farther than half the
-///   thickness of its surface, relative to the common motion of the larger surface. Triangles that pass through each
-///   other more slowly are in contact before and after, within half the contact distance. A surface without fast
-///   triangles only costs a pass over its vertices.
-/// - An impact is when two triangles are at distance 0. Thickness does not count. The time is never later than the true
-///   one. It is earlier by at most the rounding error of f64, a motion of about 1e-13 of the size of the surfaces. What
-///   touches or crosses at the start is an impact at time 0.
-/// - In its first tick, after a jump ([`Teleported`]), and after a pause, a surface has no motion except to a target.
-/// - Solids have their exact shape, except for cylinders and cones, which become inscribed ones with 256 flat sides.
-///   What starts inside a solid meets it on its way out.
-///
-/// Detection only finds impacts. With [`XpbdResponsePlugin`](crate::response::XpbdResponsePlugin), the component also keeps
-/// an [`XpbdBody`](crate::response::XpbdBody) from passing through things, see [what is
-/// guaranteed](crate::response#what-is-guaranteed), and impacts are only looked for if a system reads them.
-#[derive(Component, Clone, Copy, Debug, Default, PartialEq, Eq)]
-#[require(PreviousPositions, SweptTarget)]
-#[component(on_remove = Self::on_remove)]
-#[cfg_attr(feature = "reflect", derive(Reflect), reflect(Component, Clone, Debug, Default, PartialEq))]
-pub struct SweptCollision;
-
-impl SweptCollision {
-    fn on_remove(mut world: DeferredWorld, context: HookContext) {
-        world.commands().entity(context.entity).try_remove::<PreviousPositions>();
-    }
-}
-
-/// Where a surface with [`SweptCollision`] was in the last detection. Its next motion starts there.
-#[derive(Component, Clone, Debug, Default)]
-#[cfg_attr(feature = "reflect", derive(Reflect), reflect(opaque, Component, Clone, Debug, Default))]
-pub struct PreviousPositions {
-    /// Its positions, in its own frame.
-    pub positions: Vec<Vec3>,
-    /// Its pose in the world.
-    pub pose: Pose,
-    /// The version of the positions. Equal versions mean equal positions, bit by bit.
-    pub(crate) version: u64,
-    /// The number of that detection.
-    pub(crate) detection: u64,
-}
-
-impl PreviousPositions {
-    pub(crate) fn remember(&mut self, positions: &[Vec3], pose: Pose, version: u64, detection: u64) {
-        if self.version != version || self.detection + 1 != detection {
-            self.positions.clear();
-            self.positions.extend_from_slice(positions);
-        }
-        (self.pose, self.version, self.detection) = (pose, version, detection);
-    }
-}
-
-/// Where a solver expects the vertices of a surface at the end of this tick, in the surface's own frame and in the
-/// order of [`SurfacePositions`]. The motion from the current positions to these is swept, instead of the motion since
-/// the last tick. Write it in [`DeformableSystems::Predict`](crate::DeformableSystems::Predict).
-///
-/// Every surface has one, and so has every rigid shape made of triangles. Default: empty, which means no target. A
-/// surface with a target is swept even without [`SweptCollision`], as long as anything has that component.
-///
-/// The target is ignored if it is empty, has another length than the positions, or has a coordinate that is not finite.
-/// It stays until it is written again, so empty it after a jump.
-/// [`XpbdResponsePlugin`](crate::response::XpbdResponsePlugin) writes it for every body, and for what the game moves
-/// near one.
-#[derive(Component, Clone, Debug, Default, PartialEq)]
-#[cfg_attr(feature = "reflect", derive(Reflect), reflect(Component, Clone, Debug, Default, PartialEq))]
-pub struct SweptTarget(pub Vec<Vec3>);
 
 /// How a pair of triangles is tested. If two surfaces have different methods, the more exact one decides, which is the
 /// later one here. Against a [`RigidShape`](super::RigidShape) the test is always exact.
 #[derive(Component, Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
 #[cfg_attr(feature = "reflect", derive(Reflect), reflect(Component, Clone, Debug, Default, PartialEq))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum ContactMethod {
     /// Triangles touch if their enclosing balls come within the contact distance. Coarse.
     BoundingSphere,
@@ -298,6 +223,8 @@ impl ContactMethod {
 /// that the other one meets.
 #[derive(Component, Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "reflect", derive(Reflect), reflect(Component, Clone, Debug, Default, PartialEq))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", serde(default, deny_unknown_fields))]
 pub struct SurfaceLayers {
     /// One bit per group that it belongs to. Default: the first group.
     pub memberships: u32,
@@ -323,6 +250,7 @@ impl SurfaceLayers {
 /// This determines the sign of distances and the direction of normals, never what touches.
 #[derive(Component, Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "reflect", derive(Reflect), reflect(Component, Clone, Debug, Default, PartialEq))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum Sidedness {
     /// One-sided if the mesh is closed and consistently wound, two-sided otherwise.
     #[default]
@@ -351,6 +279,7 @@ impl Sidedness {
 /// Which surface a mesh stands for. Both sides of a pair may differ.
 #[derive(Component, Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "reflect", derive(Reflect), reflect(Component, Clone, Debug, Default, PartialEq))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum SurfaceShape {
     /// The flat triangles themselves.
     #[default]
@@ -364,13 +293,14 @@ pub enum SurfaceShape {
     ///
     /// Used between surfaces and against rigid shapes. With the method `Circumsphere`, each triangle has the sphere that
     /// osculates its patch, and each pair of surfaces one contact per pair of these spheres. The balls of
-    /// `BoundingSphere` contain the patches. [`SweptCollision`] sees the flat triangles.
+    /// `BoundingSphere` contain the patches. [`SweptCollision`](super::SweptCollision) sees the flat triangles.
     Smooth,
 }
 
 /// What the positions are relative to.
 #[derive(Component, Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "reflect", derive(Reflect), reflect(Component, Clone, Debug, Default, PartialEq))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum SurfaceFrame {
     /// The entity. Its transform and those of its parents apply: rotation, translation, uniform scale, mirroring.
     #[default]
@@ -382,6 +312,7 @@ pub enum SurfaceFrame {
 /// Excludes a surface or shape from detection while present.
 #[derive(Component, Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "reflect", derive(Reflect), reflect(Component, Clone, Debug, Default, PartialEq))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct SurfaceDisabled;
 
 /// Insert it when the positions or the pose of a surface or shape jump. The next tick uses no results of earlier ticks
@@ -392,19 +323,34 @@ pub struct SurfaceDisabled;
 /// sweeping the way.
 #[derive(Component, Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "reflect", derive(Reflect), reflect(Component, Clone, Debug, Default, PartialEq))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Teleported;
 
 /// Enables messages and entity events about the contacts of a surface or shape, while present. If inserted during a
 /// contact, it reports the end of that contact but not its start.
 #[derive(Component, Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "reflect", derive(Reflect), reflect(Component, Clone, Debug, Default, PartialEq))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct ContactEventsEnabled;
+
+/// How many ticks in a row a contact of a surface or shape may be absent without ending. Such a gap is neither reported
+/// as an end nor as a new start, so what flickers makes no noise. Of two sides, the larger number counts. Default: 0,
+/// which reports the end in the first tick without the contact.
+///
+/// Only messages and entity events wait, see [`ContactEventsEnabled`]. Contacts themselves come and go as they are. If a
+/// side is despawned, disabled, quarantined, or teleported, or if the two no longer meet by their layers, the contact ends
+/// in the same tick.
+#[derive(Component, Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "reflect", derive(Reflect), reflect(Component, Clone, Debug, Default, PartialEq))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub struct ContactEventHold(pub u32);
 
 /// The order of contacts, independent of the spawn order, lower first. For worlds that must agree between machines.
 /// Default: 0. If equal, the order of registration decides. In a pair of a surface and a rigid shape, the shape is
 /// always the second side.
 #[derive(Component, Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 #[cfg_attr(feature = "reflect", derive(Reflect), reflect(Component, Clone, Debug, Default, PartialEq))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct SurfaceOrder(pub u32);
 
 /// The state of a surface or shape in the last tick.
@@ -420,81 +366,4 @@ pub enum SurfaceStatus {
     Disabled,
     /// It cannot be used. It becomes active again as soon as it can.
     Quarantined(QuarantineReason),
-}
-
-/// The number under which an entity was first registered as a surface or shape. 0 if it was spawned before the plugin
-/// was added.
-#[derive(Component, Clone, Copy, Debug, Default, PartialEq, Eq)]
-#[component(on_add = Self::on_add)]
-pub(crate) struct Registration(pub(crate) u64);
-
-/// The registration number that was assigned last.
-#[derive(Resource, Default)]
-pub(crate) struct NextRegistration(u64);
-
-impl Registration {
-    fn on_add(mut world: DeferredWorld, context: HookContext) {
-        let Some(mut next) = world.get_resource_mut::<NextRegistration>() else { return };
-        next.0 += 1;
-        let number = next.0;
-        if let Some(mut registration) = world.get_mut::<Self>(context.entity) {
-            registration.0 = number;
-        }
-    }
-}
-
-/// The result of the last check of a surface's positions. No stage looks for NaN and infinity in them again.
-#[derive(Component, Clone, Copy, Debug, Default)]
-pub(crate) struct CheckedPositions {
-    /// If all positions were finite: their change tick, and an upper bound of the magnitude of all coordinates.
-    passed: Option<(Tick, f32)>,
-}
-
-impl CheckedPositions {
-    /// Checks positions that have changed since they last passed. Returns an upper bound of the magnitude of all
-    /// coordinates.
-    pub(crate) fn check(&mut self, positions: &Ref<SurfacePositions>) -> Result<f32, QuarantineReason> {
-        let changed = positions.last_changed();
-        if let Some((seen, at_most)) = self.passed
-            && seen == changed
-        {
-            return Ok(at_most);
-        }
-        self.passed = None;
-        let at_most = if first_large(&positions.0).is_none() { LARGE } else { f32::MAX };
-        if at_most == f32::MAX
-            && let Some(vertex) = first_non_finite(&positions.0)
-        {
-            return Err(QuarantineReason::NonFinitePosition(vertex));
-        }
-        self.passed = Some((changed, at_most));
-        Ok(at_most)
-    }
-}
-
-/// 2^60. In an ordinary pose, smaller coordinates are far from the limits of f32.
-const LARGE: f32 = f32::from_bits((127 + 60) << 23);
-
-/// The first position that is not finite.
-pub(crate) fn first_non_finite(positions: &[Vec3]) -> Option<VertexId> {
-    first_beyond(positions, f32::INFINITY)
-}
-
-/// The first position that has a coordinate of magnitude [`LARGE`] or more, or is not finite.
-fn first_large(positions: &[Vec3]) -> Option<VertexId> {
-    first_beyond(positions, LARGE)
-}
-
-/// The first position with a coordinate that is NaN or has at least the magnitude `power`, a power of two.
-fn first_beyond(positions: &[Vec3], power: f32) -> Option<VertexId> {
-    /// Numbers per block, so many that the loop over a block outweighs the check after it.
-    const BLOCK: usize = 192;
-    const EXPONENT: u32 = 0x7f80_0000;
-    // Infinity and NaN have the largest exponent.
-    let is_special = |bits: u32| bits & EXPONENT >= power.to_bits();
-    let numbers: &[u32] = cast_slice(positions);
-    let has_special = |block: &[u32]| block.iter().fold(false, |found, &bits| found | is_special(bits));
-    let block = numbers.chunks(BLOCK).position(has_special)?;
-    let within = numbers[block * BLOCK..].iter().position(|&bits| is_special(bits))?;
-    Some(VertexId(((block * BLOCK + within) / 3) as u32))
 }

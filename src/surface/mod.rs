@@ -4,34 +4,47 @@
 //! is quarantined with a reason, and the others go on.
 
 mod active;
+mod checked;
 mod components;
+mod contact_filter;
 #[cfg(feature = "mesh")]
 mod mesh;
+mod pair_filter;
 mod prepare;
 mod quarantine;
 mod query_only;
+mod rest_contacts;
 mod rigid_shape;
+#[cfg(feature = "serde")]
+mod serialized;
 mod spheres;
+mod swept;
 mod tetrahedral_body;
+mod triangle_layers;
 
 pub(crate) use active::SideOrder;
 pub use active::{ActiveShape, ActiveSurface, ActiveSurfaces, ContactSide};
-pub(crate) use components::{CheckedPositions, first_non_finite};
+pub(crate) use checked::{CheckedPositions, first_non_finite};
 pub use components::{
-    ContactEventsEnabled, ContactMethod, DeformableSurface, PreviousPositions, SelfCollision, Sidedness,
-    SurfaceBuilder, SurfaceDisabled, SurfaceFrame, SurfaceLayers, SurfaceOrder, SurfacePositions, SurfaceShape,
-    SurfaceStatus, SurfaceThickness, SweptCollision, SweptTarget, Teleported,
+    ContactEventHold, ContactEventsEnabled, ContactMethod, DeformableSurface, SelfCollision, Sidedness, SurfaceBuilder,
+    SurfaceDisabled, SurfaceFrame, SurfaceLayers, SurfaceOrder, SurfacePositions, SurfaceShape, SurfaceStatus,
+    SurfaceThickness, Teleported,
 };
+pub use contact_filter::{CandidatePair, ContactFilter};
 #[cfg(feature = "mesh")]
 pub use mesh::{
     DrivenMesh, SurfaceFromMesh, SurfaceFromMeshHierarchy, SurfaceMeshError, SurfaceMeshNotWritten, SurfaceMeshPlugin,
     SurfaceSettings, WriteSurfaceToMesh,
 };
+pub(crate) use pair_filter::{FilterSide, PairFilter};
 pub use prepare::SurfacePlugin;
 pub(crate) use prepare::{GatherSurfaces, PendingQuarantines, Transforms};
 pub use quarantine::{QuarantineReason, SurfaceQuarantined};
 pub use query_only::QueryOnly;
+pub use rest_contacts::{RestContactsError, RestContactsIgnored};
 pub use rigid_shape::RigidShape;
 pub(crate) use spheres::SphereSource;
 pub use spheres::{Circumspheres, EnclosingBalls, TriangleCones, TriangleCurvature};
+pub use swept::{PreviousPositions, SweptCollision, SweptTarget};
 pub use tetrahedral_body::TetrahedralBody;
+pub use triangle_layers::TriangleLayers;

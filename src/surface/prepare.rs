@@ -1,7 +1,7 @@
 //! `Prepare`, the first step of a tick: reads what the game wrote, quarantines what cannot be used, and gathers the
 //! rest into [`ActiveSurfaces`].
 
-use std::{sync::Arc, time::Instant};
+use std::sync::Arc;
 
 use bevy_app::prelude::*;
 use bevy_ecs::{
@@ -15,18 +15,24 @@ use glam::{DAffine3, Vec3};
 
 use super::{
     active::{ActiveShape, ActiveSurface, ActiveSurfaces, SideOrder},
+    checked::{CheckedPositions, NextRegistration, Registration},
     components::{
-        CheckedPositions, ContactEventsEnabled, ContactMethod, DeformableSurface, NextRegistration, Registration,
-        SelfCollision, Sidedness, SurfaceDisabled, SurfaceFrame, SurfaceLayers, SurfaceOrder, SurfacePositions,
-        SurfaceShape, SurfaceStatus, SurfaceThickness, Teleported,
+        ContactEventHold, ContactEventsEnabled, ContactMethod, DeformableSurface, SelfCollision, Sidedness,
+        SurfaceDisabled, SurfaceFrame, SurfaceLayers, SurfaceOrder, SurfacePositions, SurfaceShape, SurfaceStatus,
+        SurfaceThickness, Teleported,
     },
     quarantine::{QuarantineReason, SurfaceQuarantined},
     query_only::QueryOnly,
+    rest_contacts::RestContactsIgnored,
     rigid_shape::{PreparedShape, RigidMesh, RigidShape, Solid},
+    triangle_layers::TriangleLayers,
 };
 use crate::{
-    diagnostics::DetectionDiagnostics,
-    kernel::{mesh::bounds::Aabb, pose::Pose},
+    diagnostics::{DetectionDiagnostics, StageWatch},
+    kernel::{
+        mesh::{bounds::Aabb, topology::SurfaceTopology},
+        pose::Pose,
+    },
     schedule::DeformableSystems,
 };
 
@@ -90,10 +96,17 @@ struct SurfaceItem {
     disabled: Has<SurfaceDisabled>,
     teleported: Has<Teleported>,
     events: Has<ContactEventsEnabled>,
+    event_hold: Option<&'static ContactEventHold>,
+    rest_contacts: Option<&'static RestContactsIgnored>,
+    triangle_layers: Option<&'static TriangleLayers>,
 }
 
 fn order(rigid: bool, order: Option<&SurfaceOrder>, registration: Registration, entity: Entity) -> SideOrder {
     (rigid, order.map_or(0, |order| order.0), registration.0, entity.index_u32())
+}
+
+fn held(hold: Option<&ContactEventHold>) -> u32 {
+    hold.map_or(0, |hold| hold.0)
 }
 
 /// The transforms of entities and their parents.
@@ -154,7 +167,7 @@ fn gather_surfaces(
     transforms: Transforms,
 ) {
     diagnostics.begin_tick();
-    let watch = Instant::now();
+    let watch = StageWatch::start("prepare");
     quarantines.0.clear();
     active.surfaces.clear();
     for mut item in &mut surfaces {
@@ -184,11 +197,14 @@ fn gather_surfaces(
                         shape: *item.shape,
                         rigid: false,
                         events: item.events,
+                        event_hold: held(item.event_hold),
                         fresh: item.teleported || item.surface.is_changed() || item.frame.is_changed() || !was_active,
                         solver_margins: [0.0; 2],
                         own_margin: 0.0,
                         margin: 0.0,
                         world_bounds: Aabb::EMPTY,
+                        triangle_layers: item.triangle_layers.map(TriangleLayers::shared),
+                        rest_pairs: item.rest_contacts.map(RestContactsIgnored::shared),
                         order: order(false, item.order, *item.registration, item.entity),
                     });
                     SurfaceStatus::Active
@@ -198,7 +214,7 @@ fn gather_surfaces(
         };
         update_status(item.entity, &mut item.status, next, &mut quarantines);
     }
-    diagnostics.finish("prepare", watch, 0, 0);
+    diagnostics.finish(watch, 0, 0);
 }
 
 /// The layers that decide what a surface or shape touches. Belongs to no group, and meets none, if it is only queried.
@@ -224,7 +240,17 @@ fn validate(item: &mut SurfaceItemItem<'_, '_>, transforms: &Transforms) -> Resu
     if !thickness.is_finite() || thickness < 0.0 {
         return Err(QuarantineReason::Thickness(thickness));
     }
+    check_triangle_layers(item.triangle_layers, item.surface.topology())?;
+    if item.rest_contacts.is_some_and(|contacts| !contacts.is_of(item.surface.topology())) {
+        return Err(QuarantineReason::RestContacts);
+    }
     Ok((pose, thickness))
+}
+
+fn check_triangle_layers(layers: Option<&TriangleLayers>, topology: &SurfaceTopology) -> Result<(), QuarantineReason> {
+    let expected = topology.triangles().len();
+    let found = layers.map_or(expected, |layers| layers.layers().len());
+    if expected == found { Ok(()) } else { Err(QuarantineReason::TriangleLayers { expected, found }) }
 }
 
 /// Checks whether the whole surface is in range in the world. `at_most` is an upper bound of the magnitude of its
@@ -259,12 +285,14 @@ struct ShapeItem {
     layers: &'static SurfaceLayers,
     sidedness: Option<&'static Sidedness>,
     surface_shape: Option<&'static SurfaceShape>,
+    triangle_layers: Option<&'static TriangleLayers>,
     registration: &'static Registration,
     order: Option<&'static SurfaceOrder>,
     query_only: Has<QueryOnly>,
     disabled: Has<SurfaceDisabled>,
     teleported: Has<Teleported>,
     events: Has<ContactEventsEnabled>,
+    event_hold: Option<&'static ContactEventHold>,
 }
 
 fn gather_shapes(
@@ -305,6 +333,7 @@ fn add_shape(
     let solid = item.shape.0.clone()?;
     let order = order(true, item.order, *item.registration, item.entity);
     let (entity, query_layers, events) = (item.entity, *item.layers, item.events);
+    let event_hold = held(item.event_hold);
     let layers = contact_layers(query_layers, item.query_only);
     if let Some(Solid { geometry, parts }) = solid {
         // A half-space is unbounded, so only its pose has to be in range.
@@ -323,6 +352,7 @@ fn add_shape(
             query_layers,
             fresh,
             events,
+            event_hold,
             order,
         });
         return Ok(());
@@ -334,6 +364,7 @@ fn add_shape(
     }
     let at_most = checked.check(positions)?;
     check_reach(&positions.0, at_most, &pose)?;
+    check_triangle_layers(item.triangle_layers, topology)?;
     active.surfaces.push(ActiveSurface {
         entity,
         topology: Arc::clone(topology),
@@ -347,11 +378,14 @@ fn add_shape(
         shape: item.surface_shape.copied().unwrap_or_default(),
         rigid: true,
         events,
+        event_hold,
         fresh,
         solver_margins: [0.0; 2],
         own_margin: 0.0,
         margin: 0.0,
         world_bounds: Aabb::EMPTY,
+        triangle_layers: item.triangle_layers.map(TriangleLayers::shared),
+        rest_pairs: None,
         order,
     });
     Ok(())

@@ -24,6 +24,17 @@ pub enum QuarantineReason {
     /// The thickness is negative or not finite.
     #[error("the thickness {0} is negative or not finite")]
     Thickness(f32),
+    /// Its [`RestContactsIgnored`](super::RestContactsIgnored) was made for another mesh.
+    #[error("RestContactsIgnored was made for another mesh than the surface has now: make it again for this one")]
+    RestContacts,
+    /// The number of its [`TriangleLayers`](super::TriangleLayers) differs from the number of triangles of the mesh.
+    #[error("there are layers for {found} triangles, but the mesh has {expected}")]
+    TriangleLayers {
+        /// The number of triangles of the mesh.
+        expected: usize,
+        /// The number of triangles that have layers.
+        found: usize,
+    },
     /// The transform cannot be used.
     #[error(transparent)]
     Pose(#[from] PoseError),

@@ -8,4 +8,5 @@ use bevy_reflect::prelude::*;
 /// itself: for what is only aimed at or clicked on. Its [`SurfaceLayers`](crate::SurfaceLayers) still filter queries.
 #[derive(Component, Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "reflect", derive(Reflect), reflect(Component, Clone, Debug, Default, PartialEq))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct QueryOnly;

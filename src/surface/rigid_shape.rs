@@ -18,10 +18,10 @@ use parry3d::shape::{SharedShape, TypedShape};
 
 use super::{
     active::ShapePart,
-    components::{
-        CheckedPositions, DeformableSurface, Registration, SurfaceLayers, SurfacePositions, SurfaceStatus, SweptTarget,
-    },
+    checked::{CheckedPositions, Registration},
+    components::{DeformableSurface, SurfaceLayers, SurfacePositions, SurfaceStatus},
     spheres::{Circumspheres, EnclosingBalls, TriangleCones, TriangleCurvature},
+    swept::SweptTarget,
 };
 use crate::kernel::{
     exact::rigid_shape::{ShapeError, ShapeGeometry, SweepPart},

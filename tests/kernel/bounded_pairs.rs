@@ -128,6 +128,7 @@ fn lower_bounds_of_the_exact_test_are_the_distances_within_the_range_and_beyond(
             bulge: 0.0,
             cull: true,
             same_surface: true,
+            any_left_out: false,
         };
         for test in [exact_pairs, closest_pairs] {
             let [mut found, mut without] =

@@ -43,6 +43,7 @@ fn settings(reach: f32, same_surface: bool) -> PairSettings {
         bulge: 0.0,
         cull: true,
         same_surface,
+        any_left_out: false,
     }
 }
 

@@ -153,6 +153,7 @@ impl Batch {
             bulge: 0.0,
             cull,
             same_surface: false,
+            any_left_out: false,
         };
         let side = |positions| SurfaceSide {
             topology,

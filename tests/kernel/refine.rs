@@ -43,6 +43,7 @@ fn settings(same_surface: bool, cull: bool) -> PairSettings {
         bulge: 0.0,
         cull,
         same_surface,
+        any_left_out: false,
     }
 }
 

@@ -33,6 +33,7 @@ const SETTINGS: PairSettings = PairSettings {
     bulge: 0.0,
     cull: true,
     same_surface: false,
+    any_left_out: false,
 };
 
 /// A surface with all data that the sphere stages need.

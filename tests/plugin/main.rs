@@ -1,5 +1,6 @@
 //! The plugin in headless worlds: spawning, changing, and despawning, and the contacts and events that result.
 
+mod event_hold;
 mod extremes;
 mod features;
 mod hysteresis;
@@ -16,6 +17,7 @@ mod quarantine;
 mod rebuild;
 mod reductions;
 mod rest;
+mod rest_contacts;
 mod rigid_shapes;
 mod setup;
 mod shape_kinds;

@@ -66,6 +66,7 @@ fn any_indices_and_positions_give_the_right_error_or_a_valid_topology() {
                     }
                     TopologyError::TooLarge { .. } => panic!("{} positions must be accepted", positions.len()),
                     TopologyError::WeldDistance(distance) => panic!("no weld distance was set: {distance}"),
+                    TopologyError::Weld { .. } => panic!("no weld was given: {error}"),
                 }
             }
         }

@@ -1,7 +1,5 @@
 //! The interface for a broad phase of your own: boxes come in, pairs of overlapping boxes go out.
 
-use std::time::Instant;
-
 use bevy_ecs::{prelude::*, system::SystemParam};
 
 use crate::{
@@ -10,7 +8,7 @@ use crate::{
         reuse::DetectionMemory,
         state::{SurfaceState, SurfaceStates},
     },
-    diagnostics::DetectionDiagnostics,
+    diagnostics::{DetectionDiagnostics, StageWatch},
     kernel::{
         exact::rigid_shape::ShapeGeometry,
         mesh::{bounds::Aabb, ids::TriangleId},
@@ -84,7 +82,7 @@ impl CandidateWriter<'_, '_> {
     /// once, by their indices. Neighbors are dropped afterwards. Unchanged pairs keep their candidates, and pairs with
     /// shapes are handled here.
     pub fn write(&mut self, mut find: impl FnMut(SurfaceBoxes<'_>, &mut Vec<[u32; 2]>)) {
-        let start = Instant::now();
+        let start = StageWatch::start("broad phase");
         let Self { active, candidates, memory, states, diagnostics, moved } = self;
         let active = &**active;
         for (place, pair) in candidates.pairs.iter_mut().enumerate() {
@@ -119,7 +117,7 @@ impl CandidateWriter<'_, '_> {
             }
         }
         let count = memory.changed(&candidates.pairs).map(|pair| pair.triangles.len()).sum();
-        diagnostics.finish("broad phase", start, count, count);
+        diagnostics.finish(start, count, count);
     }
 }
 

@@ -6,10 +6,9 @@
 
 mod brute_force;
 mod custom;
+mod filter;
 mod patches;
 mod tree;
-
-use std::time::Instant;
 
 use bevy_app::prelude::*;
 use bevy_ecs::prelude::*;
@@ -23,11 +22,11 @@ use crate::{
         reuse::{DetectionMemory, near_lists::KeptPairs},
         state::SurfaceStates,
     },
-    diagnostics::DetectionDiagnostics,
+    diagnostics::{DetectionDiagnostics, StageWatch},
     kernel::{bvh::tree::BoxTree, capacity, mesh::bounds::Aabb},
     schedule::{SurfaceDetection, SurfaceDetectionSystems},
     settings::CircumsphereSettings,
-    surface::{ActiveSurface, ActiveSurfaces},
+    surface::{ActiveSurface, ActiveSurfaces, ContactFilter},
 };
 
 pub use brute_force::BruteForceBroadPhasePlugin;
@@ -39,13 +38,17 @@ pub(super) use tree::{MovedLeaves, Traversal, needed::Needed};
 /// results at any age, but becomes slower.
 const REBUILD_DECAY: f32 = 1.5;
 
-/// The two steps of the broad phase, in this order.
+/// The steps of the broad phase, in this order.
 #[derive(SystemSet, Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum BroadPhaseSystems {
     /// Pairs surfaces and shapes whose boxes overlap.
     PairSurfaces,
     /// Pairs triangles whose boxes overlap and that no slab separates.
     PairTriangles,
+    /// Leaves out pairs of triangles that make no contact although their surfaces meet, see
+    /// [`RestContactsIgnored`](crate::RestContactsIgnored), [`TriangleLayers`](crate::TriangleLayers), and
+    /// [`ContactFilter`](crate::ContactFilter).
+    Filter,
 }
 
 /// Pairs surfaces and shapes. Needs one algorithm plugin beside it.
@@ -56,13 +59,16 @@ impl Plugin for BroadPhasePlugin {
         app.init_resource::<CandidateTrianglePairs>().init_resource::<DetectionMemory>().init_resource::<KeptPairs>();
         app.configure_sets(
             SurfaceDetection,
-            (BroadPhaseSystems::PairSurfaces, BroadPhaseSystems::PairTriangles)
+            (BroadPhaseSystems::PairSurfaces, BroadPhaseSystems::PairTriangles, BroadPhaseSystems::Filter)
                 .chain()
                 .in_set(SurfaceDetectionSystems::BroadPhase),
         );
         app.add_systems(
             SurfaceDetection,
-            (pair_surfaces, patches::bend_surfaces).chain().in_set(BroadPhaseSystems::PairSurfaces),
+            (
+                (pair_surfaces, patches::bend_surfaces).chain().in_set(BroadPhaseSystems::PairSurfaces),
+                filter::leave_out.in_set(BroadPhaseSystems::Filter),
+            ),
         );
     }
 }
@@ -118,14 +124,14 @@ impl PairingBuffers {
 
 fn pair_surfaces(
     active: Res<ActiveSurfaces>,
-    settings: Res<CircumsphereSettings>,
+    (settings, game): (Res<CircumsphereSettings>, Option<Res<ContactFilter>>),
     mut candidates: ResMut<CandidateTrianglePairs>,
     mut memory: ResMut<DetectionMemory>,
     mut diagnostics: ResMut<DetectionDiagnostics>,
     mut buffers: Local<PairingBuffers>,
     states: Res<SurfaceStates>,
 ) {
-    let start = Instant::now();
+    let start = StageWatch::start("pair surfaces");
     let surfaces = &active.surfaces;
     if surfaces.is_empty() {
         buffers.tree = BoxTree::default();
@@ -140,7 +146,7 @@ fn pair_surfaces(
     places.extend(selves.map(|(place, _)| [place as u32, place as u32]));
     places.sort_unstable();
 
-    memory.begin(&active, &settings, states.all());
+    memory.begin(&active, &settings, game.map(|game| game.last_changed()), states.all());
     buffers.last_names.clear();
     buffers.last_names.extend(candidates.pairs.iter().map(|pair| name(pair.first, pair.second)));
     buffers.last.clear();
@@ -205,7 +211,7 @@ fn pair_surfaces(
     capacity::trim(&mut buffers.places, count);
     buffers.with_shapes = with_shapes;
     capacity::trim(&mut buffers.with_shapes, count);
-    diagnostics.finish("pair surfaces", start, surfaces.len() + active.shapes.len(), count);
+    diagnostics.finish(start, surfaces.len() + active.shapes.len(), count);
 }
 
 /// The sort key of pairs: by their surfaces, with shapes last.

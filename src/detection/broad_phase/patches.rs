@@ -2,8 +2,6 @@
 //!
 //! The boxes of triangles contain every patch that they may have.
 
-use std::time::Instant;
-
 use bevy_ecs::prelude::*;
 use glam::DVec3;
 
@@ -14,7 +12,7 @@ use crate::{
         reuse::DetectionMemory,
         state::SurfaceStates,
     },
-    diagnostics::DetectionDiagnostics,
+    diagnostics::{DetectionDiagnostics, StageWatch},
     kernel::{capacity, exact::rigid_shape::ShapeGeometry, mesh::bounds::Aabb, pose::Pose},
     settings::CircumsphereSettings,
     surface::{ActiveSurfaces, ContactMethod, SurfaceShape},
@@ -69,7 +67,7 @@ pub(super) fn bend_surfaces(
         regions.clear();
         return;
     }
-    let start = Instant::now();
+    let start = StageWatch::start("patches");
     regions.resize_with(active.surfaces.len(), Vec::new);
     regions.iter_mut().for_each(capacity::clear);
     for (_, pair) in candidates.pairs.iter().enumerate().filter(|&(place, _)| !memory.keeps(place)) {
@@ -87,7 +85,7 @@ pub(super) fn bend_surfaces(
             }
         },
     );
-    diagnostics.finish("patches", start, 0, 0);
+    diagnostics.finish(start, 0, 0);
 }
 /// Adds where a pair wants the patches of its surfaces.
 fn add_regions(active: &ActiveSurfaces, pair: &SurfacePair, regions: &mut [Vec<Region>]) {

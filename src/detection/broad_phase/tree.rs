@@ -4,7 +4,7 @@
 use std::{
     ops::Range,
     sync::atomic::{AtomicUsize, Ordering},
-    time::{Duration, Instant},
+    time::Duration,
 };
 
 use bevy_app::prelude::*;
@@ -27,7 +27,7 @@ use crate::{
         sides::{pair_settings, surface_sides},
         state::{SurfaceState, SurfaceStates, tree::Outcome},
     },
-    diagnostics::DetectionDiagnostics,
+    diagnostics::{DetectionDiagnostics, StageWatch},
     kernel::{
         bvh::{
             leaf_triangles::{LeafMesh, LeafTriangles, PairCull},
@@ -87,7 +87,7 @@ fn update_trees(
     mut needed: Local<Vec<NeededTriangles>>,
     mut states: ResMut<SurfaceStates>,
 ) {
-    let start = Instant::now();
+    let start = StageWatch::start("tree update");
     kept.begin(&active, &candidates, &settings, &memory, states.all());
     mark_idle_trees(&active, &candidates, &memory, &kept, &mut idle);
     update_each(
@@ -130,8 +130,8 @@ fn update_trees(
         },
     );
     capacity::trim(&mut needed, active.surfaces.len());
-    let start = start + diagnostics.first_tree_builds;
-    diagnostics.finish("tree update", start, 0, 0);
+    let first_builds = diagnostics.first_tree_builds;
+    diagnostics.finish(start.without(first_builds), 0, 0);
 }
 
 /// Transforms the triangles of a pair's moved surface that reach the box of the other one.
@@ -183,7 +183,7 @@ fn pair_triangles(
     spare_lists: Local<Buffers<BoundedPairs>>,
     states: Res<SurfaceStates>,
 ) {
-    let start = Instant::now();
+    let start = StageWatch::start("broad phase");
     let states = states.all();
     let leaf_count = |place: usize| active.surfaces[place].topology.triangles().len() / LEAF_WIDTH;
     let weight = |pair: &SurfacePair| match pair.second {
@@ -245,7 +245,7 @@ fn pair_triangles(
     kept.count(&mut diagnostics);
     kept.hand_over(&mut candidates.pairs);
     let count = memory.changed(&candidates.pairs).map(|pair| pair.triangles.len()).sum();
-    diagnostics.finish("broad phase", start, overlapping.into_inner(), count);
+    diagnostics.finish(start, overlapping.into_inner(), count);
 }
 
 /// Two trees in one frame. One is visited leaf by leaf, and the other one is searched for what is near. Also defines

@@ -1,7 +1,5 @@
 //! Stage 7: tests candidates exactly, for the exact methods and for rigid shapes.
 
-use std::time::Instant;
-
 use bevy_app::prelude::*;
 use bevy_ecs::prelude::*;
 #[cfg(feature = "reflect")]
@@ -21,7 +19,7 @@ use crate::{
         sides::{pair_settings, side_on_shape, surface_sides},
         state::{SurfaceState, SurfaceStates},
     },
-    diagnostics::DetectionDiagnostics,
+    diagnostics::{DetectionDiagnostics, StageWatch},
     kernel::{
         capacity,
         exact::{
@@ -81,7 +79,7 @@ fn test_exactly(
     mut row_counts: Local<Vec<usize>>,
     mut states: ResMut<SurfaceStates>,
 ) {
-    let start = Instant::now();
+    let start = StageWatch::start("exact");
     memory.carry(&mut results.pairs);
     results.pairs.resize_with(candidates.pairs.len(), PairContacts::default);
     fill_rows(&active, memory.changed(&candidates.pairs), settings.threads, &mut row_counts, states.all_mut());
@@ -120,7 +118,7 @@ fn test_exactly(
     let examined = memory.changed(&results.pairs).map(|results| results.examined).sum();
     diagnostics.pairs_examined = examined;
     if pairs_in > 0 {
-        diagnostics.finish("exact", start, pairs_in, pairs_out);
+        diagnostics.finish(start, pairs_in, pairs_out);
     }
 }
 

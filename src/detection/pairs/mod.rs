@@ -8,7 +8,7 @@ use glam::Vec3;
 use crate::{
     kernel::{mesh::bounds::Aabb, pose::Pose},
     settings::EVENT_HYSTERESIS,
-    surface::{ActiveShape, ActiveSurface, ActiveSurfaces, ContactMethod, SurfaceShape},
+    surface::{ActiveShape, ActiveSurface, ActiveSurfaces, ContactMethod, FilterSide, SurfaceShape},
 };
 
 mod moved;
@@ -70,6 +70,10 @@ pub struct SurfacePair {
     /// [`PairFate::Planes`](crate::kernel::pair_fate::PairFate::Planes)), and so may pairs that are known to be farther
     /// apart, see [`PairFate::Remembered`](crate::kernel::pair_fate::PairFate::Remembered).
     pub triangles: Vec<[u32; 2]>,
+    /// Whether any pair of triangles is not among these because of
+    /// [`RestContactsIgnored`](crate::RestContactsIgnored), [`TriangleLayers`](crate::TriangleLayers), or
+    /// [`ContactFilter`](crate::ContactFilter).
+    pub any_left_out: bool,
 }
 
 impl SurfacePair {
@@ -92,6 +96,15 @@ impl SurfacePair {
     pub(crate) fn is_smooth(&self, active: &ActiveSurfaces) -> bool {
         let is_smooth = |place: usize| active.surfaces[place].shape == SurfaceShape::Smooth;
         is_smooth(self.first) || matches!(self.second, OtherSide::Surface(second) if is_smooth(second))
+    }
+
+    /// What both sides know about the pairs of triangles that are left out.
+    pub(crate) fn filter_sides(&self, active: &ActiveSurfaces) -> [FilterSide; 2] {
+        let second = match self.second {
+            OtherSide::Surface(second) => FilterSide::of_surface(&active.surfaces[second]),
+            OtherSide::Shape(place) => FilterSide::of_shape(&active.shapes[place]),
+        };
+        [FilterSide::of_surface(&active.surfaces[self.first]), second]
     }
 
     /// The poses of the first and second surface in the pair's frame.
@@ -183,6 +196,7 @@ pub(super) fn surface_pair(
         moved_positions,
         moved_rounding: 0.0,
         triangles,
+        any_left_out: false,
     }
 }
 
@@ -209,6 +223,7 @@ pub(super) fn shape_pair(
         moved_positions,
         moved_rounding: 0.0,
         triangles,
+        any_left_out: false,
     }
 }
 

@@ -6,7 +6,7 @@
 
 use std::sync::Arc;
 
-use bevy_ecs::prelude::*;
+use bevy_ecs::{change_detection::Tick, prelude::*};
 
 use crate::{
     detection::{
@@ -27,6 +27,8 @@ pub(crate) struct DetectionMemory {
     surfaces: Vec<(ActiveSurface, u64)>,
     shapes: Vec<ActiveShape>,
     settings: Option<CircumsphereSettings>,
+    /// The last change of the [`ContactFilter`](crate::ContactFilter), if there is one.
+    filter: Option<Tick>,
     /// For each surface and each shape of this detection, its index in the last one, if nothing about it has changed.
     unchanged: [Vec<Option<u32>>; 2],
     /// For each surface and each shape of this detection, its index in the last one, whether or not it has changed.
@@ -36,6 +38,8 @@ pub(crate) struct DetectionMemory {
     /// For each pair of this detection, its index in the last one, kept or not. Its lists are at that index, and are
     /// used again.
     former_places: Vec<Option<u32>>,
+    /// Whether this detection keeps nothing.
+    is_void: bool,
     /// The number of pairs of the last detection.
     last_count: usize,
     /// Whether every pair is kept at the same index.
@@ -47,10 +51,17 @@ pub(crate) struct DetectionMemory {
 impl DetectionMemory {
     /// Begins a detection: determines which surfaces and shapes have not changed since the last one, and remembers all
     /// of them.
-    pub(super) fn begin(&mut self, active: &ActiveSurfaces, settings: &CircumsphereSettings, states: &[SurfaceState]) {
+    pub(super) fn begin(
+        &mut self,
+        active: &ActiveSurfaces,
+        settings: &CircumsphereSettings,
+        filter: Option<Tick>,
+        states: &[SurfaceState],
+    ) {
         let are_settings_same = self.settings.replace(*settings) == Some(*settings);
         self.settings_version += u64::from(!are_settings_same);
-        let keeps = settings.memory && are_settings_same;
+        let is_filter_same = std::mem::replace(&mut self.filter, filter) == filter;
+        let keeps = settings.memory && are_settings_same && is_filter_same;
         let Self {
             surfaces: last_surfaces,
             shapes: last_shapes,
@@ -117,7 +128,8 @@ impl DetectionMemory {
     /// Ends the list of pairs.
     pub(super) fn end_pairs(&mut self) {
         let at_its_place = |(place, origin): (u32, &Option<u32>)| *origin == Some(place);
-        self.all_kept = self.origins.len() == self.last_count && (0..).zip(&self.origins).all(at_its_place);
+        let is_void = std::mem::take(&mut self.is_void);
+        self.all_kept = !is_void && self.origins.len() == self.last_count && (0..).zip(&self.origins).all(at_its_place);
         let Self { origins, former_places, .. } = self;
         let count = origins.len();
         for places in [origins, former_places] {
@@ -152,6 +164,12 @@ impl DetectionMemory {
 
     pub(crate) fn kept_count(&self) -> usize {
         self.origins.iter().flatten().count()
+    }
+
+    /// Keeps nothing in the next detection: what the last one found is not what the world has found.
+    pub(crate) fn keep_nothing(&mut self) {
+        self.settings = None;
+        self.is_void = true;
     }
 
     /// Keeps nothing from here on in this detection.
@@ -218,7 +236,20 @@ fn is_same_surface(surface: &ActiveSurface, last: &ActiveSurface) -> bool {
         && surface.one_sided == last.one_sided
         && surface.shape == last.shape
         && surface.events == last.events
+        && surface.event_hold == last.event_hold
         && surface.rigid == last.rigid
+        && surface.layers == last.layers
+        && is_same_list(surface.triangle_layers.as_ref(), last.triangle_layers.as_ref())
+        && is_same_list(surface.rest_pairs.as_ref(), last.rest_pairs.as_ref())
+}
+
+/// Whether two lists that may be shared are the same one.
+fn is_same_list<T: ?Sized>(list: Option<&Arc<T>>, last: Option<&Arc<T>>) -> bool {
+    match (list, last) {
+        (Some(list), Some(last)) => Arc::ptr_eq(list, last),
+        (None, None) => true,
+        _ => false,
+    }
 }
 
 /// Like [`is_same_surface`], for a shape.
@@ -227,5 +258,7 @@ fn is_same_shape(shape: &ActiveShape, last: &ActiveShape) -> bool {
         && Arc::ptr_eq(&shape.geometry, &last.geometry)
         && shape.pose.has_bits_of(&last.pose)
         && shape.margin.to_bits() == last.margin.to_bits()
+        && shape.layers == last.layers
         && shape.events == last.events
+        && shape.event_hold == last.event_hold
 }

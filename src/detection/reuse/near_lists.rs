@@ -232,6 +232,24 @@ impl KeptPairs {
         }
     }
 
+    /// Keeps the candidates of a pair that `stays` returns true for, wherever they come from.
+    pub(in crate::detection) fn retain_near(
+        &mut self,
+        place: usize,
+        triangles: &mut Vec<[u32; 2]>,
+        stays: impl Fn([u32; 2]) -> bool,
+    ) {
+        let list = self.lists.get_mut(place).filter(|list| list.list_use != ListUse::None);
+        let Some(KeptList { near_places, .. }) = list else {
+            triangles.retain(|pair| stays(*pair));
+            return;
+        };
+        // Both lists are in the same order, and stay so.
+        let mut are_staying = triangles.iter().map(|pair| stays(*pair)).collect::<Vec<_>>().into_iter();
+        near_places.retain(|_| are_staying.next().unwrap_or(false));
+        triangles.retain(|pair| stays(*pair));
+    }
+
     /// Begins a detection: finds the lists of its pairs, and decides how to use them.
     pub(in crate::detection) fn begin(
         &mut self,

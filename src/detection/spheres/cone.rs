@@ -1,7 +1,5 @@
 //! Stage 6: finds the overlapping spheres whose line between the centers lies in both safety cones, and their contacts.
 
-use std::time::Instant;
-
 use bevy_app::prelude::*;
 use bevy_ecs::prelude::*;
 #[cfg(feature = "reflect")]
@@ -20,7 +18,7 @@ use crate::{
         },
         state::SurfaceStates,
     },
-    diagnostics::DetectionDiagnostics,
+    diagnostics::{DetectionDiagnostics, StageWatch},
     kernel::{
         capacity,
         pair::{FoundPairs, PairSettings},
@@ -80,7 +78,7 @@ fn test_cones(
     states: Res<SurfaceStates>,
     surfaces: SphereQuery,
 ) {
-    let start = Instant::now();
+    let start = StageWatch::start("cone");
     let kept_before = memory.kept_count();
     memory.carry(&mut meeting.pairs);
     if memory.kept_count() < kept_before {
@@ -138,7 +136,7 @@ fn test_cones(
     let pairs_in = tested.map(|(_, overlapping)| overlapping.len()).sum();
     let pairs_out = memory.changed(&meeting.pairs).map(|list| list.len()).sum();
     if (0..candidates.pairs.len()).any(uses_cones) {
-        diagnostics.finish("cone", start, pairs_in, pairs_out);
+        diagnostics.finish(start, pairs_in, pairs_out);
     }
 }
 

@@ -1,7 +1,5 @@
 //! Stage 3: computes curvature and dihedral angles of the surfaces that are tested by offset spheres.
 
-use std::time::Instant;
-
 use bevy_app::prelude::*;
 use bevy_ecs::prelude::*;
 
@@ -12,7 +10,7 @@ use crate::{
         reuse::DetectionMemory,
         state::{SurfaceState, SurfaceStates},
     },
-    diagnostics::DetectionDiagnostics,
+    diagnostics::{DetectionDiagnostics, StageWatch},
     schedule::{SurfaceDetection, SurfaceDetectionSystems},
     settings::CircumsphereSettings,
     surface::{ActiveSurface, ActiveSurfaces, ContactMethod, SphereSource, TriangleCurvature},
@@ -52,7 +50,7 @@ fn measure_curvature(
     mut surfaces: Query<&mut TriangleCurvature>,
 ) {
     memory.surfaces_to_update(&active, &candidates, ContactMethod::Circumsphere, &mut used);
-    let start = Instant::now();
+    let start = StageWatch::start("curvature");
     let mut any_made = false;
     for ((surface, state), used) in active.surfaces.iter().zip(states.all()).zip(used.iter().copied()) {
         let Ok(mut curvature) = surfaces.get_mut(surface.entity) else { continue };
@@ -75,6 +73,6 @@ fn measure_curvature(
         }
     }
     if any_made {
-        diagnostics.finish("curvature", start, 0, 0);
+        diagnostics.finish(start, 0, 0);
     }
 }

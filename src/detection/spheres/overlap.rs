@@ -1,7 +1,5 @@
 //! Stage 5: finds the candidates whose spheres overlap, and the contacts of enclosing balls.
 
-use std::time::Instant;
-
 use bevy_app::prelude::*;
 use bevy_ecs::prelude::*;
 #[cfg(feature = "reflect")]
@@ -17,7 +15,7 @@ use crate::{
         spheres::lists::{PassedAndFound, SphereBuffers, SphereTests},
         state::SurfaceStates,
     },
-    diagnostics::DetectionDiagnostics,
+    diagnostics::{DetectionDiagnostics, StageWatch},
     kernel::{
         capacity,
         pair::{FoundPairs, PairSettings},
@@ -93,7 +91,7 @@ fn test_overlap(
     states: Res<SurfaceStates>,
     surfaces: SphereQuery,
 ) {
-    let start = Instant::now();
+    let start = StageWatch::start("overlap");
     memory.carry(&mut overlapping.pairs);
     memory.carry(&mut contacts.pairs);
     let count = candidates.pairs.len();
@@ -171,7 +169,7 @@ fn test_overlap(
     let pairs_in: usize = tested.map(|pair| pair.triangles.len()).sum();
     let pairs_out = memory.changed(&overlapping.pairs).map(|list| list.len()).sum();
     if pairs_in > 0 {
-        diagnostics.finish("overlap", start, pairs_in, pairs_out);
+        diagnostics.finish(start, pairs_in, pairs_out);
     }
 }
 

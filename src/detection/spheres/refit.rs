@@ -1,7 +1,5 @@
 //! Stage 4: refits spheres and cones to the triangles.
 
-use std::time::Instant;
-
 use bevy_app::prelude::*;
 use bevy_ecs::prelude::*;
 
@@ -10,7 +8,7 @@ use crate::{
         pairs::CandidateTrianglePairs, parallel::Threads, reuse::DetectionMemory, spheres::curvature::source,
         state::SurfaceStates,
     },
-    diagnostics::DetectionDiagnostics,
+    diagnostics::{DetectionDiagnostics, StageWatch},
     kernel::spheres::{
         circumsphere::{RecipeSettings, enclosing_balls_on, enlarge_balls},
         curvature::CurvatureEstimator,
@@ -44,7 +42,7 @@ fn refit_balls(
     mut surfaces: Query<&mut EnclosingBalls>,
 ) {
     memory.surfaces_to_update(&active, &candidates, ContactMethod::BoundingSphere, &mut used);
-    let start = Instant::now();
+    let start = StageWatch::start("refit balls");
     let mut any_made = false;
     for ((surface, state), used) in active.surfaces.iter().zip(states.all()).zip(used.iter().copied()) {
         let Ok(mut balls) = surfaces.get_mut(surface.entity) else { continue };
@@ -65,7 +63,7 @@ fn refit_balls(
         }
     }
     if any_made {
-        diagnostics.finish("refit balls", start, 0, 0);
+        diagnostics.finish(start, 0, 0);
     }
 }
 
@@ -82,7 +80,7 @@ fn refit_spheres(
     mut surfaces: Query<(&TriangleCurvature, &mut Circumspheres, &mut TriangleCones)>,
 ) {
     memory.surfaces_to_update(&active, &candidates, ContactMethod::Circumsphere, &mut used);
-    let start = Instant::now();
+    let start = StageWatch::start("refit");
     let mut any_made = false;
     let made_with = (settings.recipe(), settings.estimator);
     // A new `refit_threshold` applies from the next refit on. Any other change requires other spheres for the same
@@ -134,6 +132,6 @@ fn refit_spheres(
         }
     }
     if any_made {
-        diagnostics.finish("refit", start, 0, 0);
+        diagnostics.finish(start, 0, 0);
     }
 }

@@ -14,6 +14,7 @@ use crate::kernel::{
 
 /// The first impact of two triangles of a pair of surfaces.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct SweptImpact {
     /// 0 at the start of the motion, 1 at its end. Never later than the true time.
     pub time: f64,

@@ -10,7 +10,7 @@ mod mover;
 mod path;
 mod sweeping;
 
-use std::{sync::Arc, time::Instant};
+use std::sync::Arc;
 
 use bevy_app::prelude::*;
 use bevy_ecs::{entity::EntityHashMap, prelude::*, query::QueryData};
@@ -25,7 +25,7 @@ use self::{
 };
 use super::state::{SurfaceState, SurfaceStates};
 use crate::{
-    diagnostics::DetectionDiagnostics,
+    diagnostics::{DetectionDiagnostics, StageWatch},
     kernel::{
         bvh::tree::BoxTree,
         ccd::{PairImpact, Sweep, TreeWork},
@@ -36,7 +36,8 @@ use crate::{
     schedule::{SurfaceDetection, SurfaceDetectionSystems},
     settings::CircumsphereSettings,
     surface::{
-        ActiveShape, ActiveSurface, ActiveSurfaces, PreviousPositions, SweptCollision, SweptTarget, first_non_finite,
+        ActiveShape, ActiveSurface, ActiveSurfaces, ContactFilter, PairFilter, PreviousPositions, SweptCollision,
+        SweptTarget, first_non_finite,
     },
 };
 
@@ -49,7 +50,7 @@ pub struct SweptPlugin;
 
 impl Plugin for SweptPlugin {
     fn build(&self, app: &mut App) {
-        app.init_resource::<SweptImpacts>();
+        app.init_resource::<SweptImpacts>().init_resource::<SweptHistory>();
         app.add_systems(SurfaceDetection, find_impacts.in_set(SurfaceDetectionSystems::Swept));
     }
 }
@@ -99,14 +100,22 @@ impl MainSide {
     }
 }
 
+/// What later sweeps depend on.
+#[derive(Resource, Clone, Default)]
+pub(crate) struct SweptHistory {
+    /// The number of the last detection.
+    detection: u64,
+    /// The pose of each rigid shape in the last detection, and the number of that detection.
+    shapes: EntityHashMap<(Pose, u64)>,
+}
+
 /// State and buffers that are kept from tick to tick.
 #[derive(Default)]
 struct SweptBuffers {
+    /// The number of the last detection that these are from.
     detection: u64,
     /// By entity, and by part of a shape.
     main_sides: HashMap<(Entity, Option<u32>), MainSide>,
-    /// The pose of each rigid shape in the last detection, and the number of that detection.
-    shapes: EntityHashMap<(Pose, u64)>,
     /// The smaller side of a pair, in the frame of the other one.
     moved: SweptPositions,
     world: Vec<Aabb>,
@@ -130,23 +139,28 @@ struct Cost {
 #[expect(clippy::too_many_arguments, reason = "a stage reads what earlier stages wrote")]
 fn find_impacts(
     active: Res<ActiveSurfaces>,
-    settings: Res<CircumsphereSettings>,
+    (settings, game): (Res<CircumsphereSettings>, Option<Res<ContactFilter>>),
     mut found: ResMut<SweptImpacts>,
     mut diagnostics: ResMut<DetectionDiagnostics>,
-    mut buffers: Local<SweptBuffers>,
+    (mut buffers, mut history): (Local<SweptBuffers>, ResMut<SweptHistory>),
     (asking, read): (Query<(), With<SweptCollision>>, Option<Res<ImpactsRead>>),
     states: Res<SurfaceStates>,
     mut surfaces: Query<SweptItem>,
 ) {
-    let start = Instant::now();
+    let start = StageWatch::start("swept");
     let buffers = &mut *buffers;
-    buffers.detection += 1;
+    if buffers.detection != history.detection {
+        // The game has gone back in time.
+        buffers.main_sides.clear();
+    }
+    history.detection += 1;
+    buffers.detection = history.detection;
     if !found.pairs.is_empty() {
         buffers.spare.extend(found.pairs.drain(..).map(|pair| pair.impacts));
     }
     if asking.is_empty() || read.is_some_and(|read| !read.0) {
         buffers.main_sides.clear();
-        buffers.shapes.clear();
+        history.shapes.clear();
         return;
     }
     let mut cost = Cost::default();
@@ -155,13 +169,13 @@ fn find_impacts(
         let items = surfaces.as_readonly();
         let ways = world.shapes.iter().map(|shape| match shape.target {
             Some(target) => [shape.pose, target],
-            None => [buffers.last_pose(shape.entity, &shape.pose, shape.fresh), shape.pose],
+            None => [history.last_pose(shape.entity, &shape.pose, shape.fresh), shape.pose],
         });
         let ways: Vec<[Pose; 2]> = ways.collect();
         let mut movers: Vec<Mover<'_>> = Vec::with_capacity(world.surfaces.len());
         for (surface, state) in world.surfaces.iter().zip(states.all()) {
             let Ok(item) = items.get_inner(surface.entity) else { continue };
-            let (path, asks) = buffers.path_of(surface, state, &item);
+            let (path, asks) = history.path_of(surface, state, &item);
             movers.push(Mover::of_surface(surface, path, state.version(), asks));
         }
         let whole = movers.iter().fold(Aabb::EMPTY, |whole, mover| whole.union(&mover.world));
@@ -173,7 +187,7 @@ fn find_impacts(
         buffers.pair_movers(&movers);
         let pairs = std::mem::take(&mut buffers.pairs);
         for pair in &pairs {
-            buffers.sweep_pair(&movers, *pair, settings.threads, &mut cost, &mut found.pairs);
+            buffers.sweep_pair(&movers, *pair, game.as_deref(), settings.threads, &mut cost, &mut found.pairs);
         }
         buffers.pairs = pairs;
         for mover in &movers {
@@ -194,12 +208,12 @@ fn find_impacts(
     buffers.main_sides.retain(|_, side| side.last_active == detection);
     let rigid = world.surfaces.iter().filter(|surface| surface.rigid).map(|surface| (surface.entity, surface.pose));
     let shapes = world.shapes.iter().map(|shape| (shape.entity, shape.pose));
-    buffers.shapes.extend(rigid.chain(shapes).map(|(entity, pose)| (entity, (pose, detection))));
-    buffers.shapes.retain(|_, (_, seen)| *seen == detection);
+    history.shapes.extend(rigid.chain(shapes).map(|(entity, pose)| (entity, (pose, detection))));
+    history.shapes.retain(|_, (_, seen)| *seen == detection);
     if cost.pairs > 0 {
         diagnostics.swept_trees_built = cost.trees_built;
         diagnostics.swept_trees_refitted = cost.trees_refitted;
-        diagnostics.finish("swept", start, cost.candidates, found.pairs.iter().map(|pair| pair.impacts.len()).sum());
+        diagnostics.finish(start, cost.candidates, found.pairs.iter().map(|pair| pair.impacts.len()).sum());
     }
 }
 
@@ -209,7 +223,7 @@ fn plane(shape: &ActiveShape, poses: &[Pose; 2], whole: &Aabb) -> Option<Plane> 
     Plane::under(whole, *normal, poses)
 }
 
-impl SweptBuffers {
+impl SweptHistory {
     /// The pose of a rigid shape in the last detection.
     fn last_pose(&self, shape: Entity, now: &Pose, fresh: bool) -> Pose {
         let last = self.shapes.get(&shape).filter(|(_, seen)| !fresh && seen + 1 == self.detection);
@@ -238,14 +252,16 @@ impl SweptBuffers {
             !surface.fresh && previous.detection + 1 == self.detection && previous.positions.len() == now.len()
         };
         match item.previous.filter(|_| item.swept).filter(is_known) {
-            Some(previous) if previous.version != state.version() => {
+            Some(previous) if previous.version != state.version() && previous.positions != now => {
                 (Path { start: &previous.positions, start_pose: previous.pose, ..still }, true)
             }
             Some(previous) => (Path { start_pose: previous.pose, ..still }, true),
             None => (still, item.swept),
         }
     }
+}
 
+impl SweptBuffers {
     /// Finds the pairs of movers whose motions come near each other and of which at least one moves. Each once, sorted.
     fn pair_movers(&mut self, movers: &[Mover<'_>]) {
         self.pairs.clear();
@@ -267,6 +283,7 @@ impl SweptBuffers {
         &mut self,
         movers: &[Mover<'_>],
         [first, second]: [u32; 2],
+        game: Option<&ContactFilter>,
         threads: usize,
         cost: &mut Cost,
         found: &mut Vec<SweptPair>,
@@ -311,7 +328,8 @@ impl SweptBuffers {
         };
         let (a, b) = if is_first_main { (main_side, other_side) } else { (other_side, main_side) };
         let sweep = Sweep { a, b, same_surface: is_self, separation };
-        cost.candidates += self.sweeping.run(&sweep, threads, &mut self.impacts);
+        let filter = PairFilter::between(&first.filter, &second.filter, is_self, game);
+        cost.candidates += self.sweeping.run(&sweep, filter.as_ref(), threads, &mut self.impacts);
         if self.impacts.is_empty() {
             return;
         }

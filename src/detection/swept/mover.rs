@@ -12,7 +12,7 @@ use crate::{
         mesh::{bounds::Aabb, topology::SurfaceTopology},
         pose::Pose,
     },
-    surface::{ActiveShape, ActiveSurface, SurfaceLayers},
+    surface::{ActiveShape, ActiveSurface, FilterSide, SurfaceLayers},
 };
 
 /// A mesh in motion, or at rest.
@@ -30,6 +30,8 @@ pub(super) struct Mover<'a> {
     /// How far it is solid beyond its triangles, in world units.
     pub radius: f64,
     pub layers: SurfaceLayers,
+    /// What it knows about pairs of triangles that are left out.
+    pub filter: FilterSide,
     pub self_collision: bool,
     /// Whether it is a rigid shape. These do not meet each other.
     pub rigid: bool,
@@ -53,6 +55,7 @@ impl<'a> Mover<'a> {
             thickness: f64::from(*thickness),
             radius: 0.0,
             layers: *layers,
+            filter: FilterSide::of_surface(surface),
             self_collision: *self_collision,
             rigid: *rigid,
             fresh: *fresh,
@@ -83,6 +86,7 @@ impl<'a> Mover<'a> {
                 thickness: 0.0,
                 radius,
                 layers: shape.layers,
+                filter: FilterSide::of_shape(shape),
                 self_collision: false,
                 rigid: true,
                 fresh: shape.fresh,

@@ -3,6 +3,7 @@
 use crate::{
     detection::parallel::{Buffers, append_ranges},
     kernel::ccd::{PairImpact, SWEEP_PART, Sweep, SweepLeaves, sort_impacts},
+    surface::PairFilter,
 };
 
 /// Sweeps meshes on several threads. It keeps its memory.
@@ -14,9 +15,15 @@ pub(crate) struct Sweeping {
 }
 
 impl Sweeping {
-    /// Replaces `impacts` by those of a sweep, in the same order for any number of threads. Returns the number of pairs
-    /// whose boxes overlap.
-    pub(crate) fn run(&mut self, sweep: &Sweep<'_>, threads: usize, impacts: &mut Vec<PairImpact>) -> usize {
+    /// Replaces `impacts` by those of a sweep, in the same order for any number of threads, without those that `filter`
+    /// leaves out. Returns the number of pairs whose boxes overlap.
+    pub(crate) fn run(
+        &mut self,
+        sweep: &Sweep<'_>,
+        filter: Option<&PairFilter<'_>>,
+        threads: usize,
+        impacts: &mut Vec<PairImpact>,
+    ) -> usize {
         impacts.clear();
         let Self { leaves, candidates, spare } = self;
         sweep.collect(leaves);
@@ -26,6 +33,9 @@ impl Sweeping {
         };
         let count = append_ranges(leaves.len(), SWEEP_PART, threads, spare, impacts, work);
         sort_impacts(impacts);
+        if let Some(filter) = filter {
+            impacts.retain(|impact| filter.allows([impact.triangle_a, impact.triangle_b]));
+        }
         count
     }
 }

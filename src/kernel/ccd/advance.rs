@@ -50,6 +50,7 @@ pub const MOST_STEPS: u32 = 512;
 
 /// Why the search for a time of impact ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum ImpactCause {
     /// The features are within the separation at the start of the step. The time is 0, however they move on.
     Within,

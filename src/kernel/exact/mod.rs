@@ -7,6 +7,7 @@ mod batch;
 mod cases;
 pub mod pair_order;
 pub mod penetration;
+pub mod rest_pairs;
 pub mod rigid_shape;
 mod screen;
 pub mod stage;

@@ -10,7 +10,7 @@
 #![expect(clippy::inline_always, reason = "only inlined code is compiled for the dispatched instruction set")]
 
 use arrayvec::ArrayVec;
-use fearless_simd::{Level, dispatch, mask64x8, prelude::*, u64x8};
+use fearless_simd::{Level, dispatch, prelude::*};
 use glam::DVec3;
 
 use self::{
@@ -19,7 +19,7 @@ use self::{
     reports::{ReportedLanes, reported_as_first, reports},
 };
 use super::{
-    CaseLanes, Cases, FeatureBatches, LeftOver, PairProximity, PairScreen, Proximity, ScreenLimits, examine_pair,
+    CaseLanes, FeatureBatches, LeftOver, PairProximity, PairScreen, Proximity, ScreenLimits, examine_pair,
     rounded_down, tolerances::TIE,
 };
 use crate::kernel::{
@@ -87,6 +87,9 @@ struct EachOnce;
 impl Choice for EachOnce {
     #[inline(always)]
     fn of_lanes<S: Simd>(&self, simd: S, block: &Block<'_>, cases: CaseLanes<S>, _: CaseLanes<S>) -> ReportedLanes<S> {
+        if block.settings.any_left_out {
+            return ReportedLanes::all(simd, cases);
+        }
         let is_welded = block.sides[0].topology.is_welded() || block.sides[1].topology.is_welded();
         reported_as_first(simd, &block.rows, block.settings.same_surface, is_welded, cases)
     }
@@ -108,11 +111,7 @@ impl Choice for Closest {
         cases: CaseLanes<S>,
         closest: CaseLanes<S>,
     ) -> ReportedLanes<S> {
-        ReportedLanes {
-            cases: CaseLanes(cases.may_cross().select(cases.0, closest.0)),
-            shared: CaseLanes(u64x8::splat(simd, Cases::ALL.bits())),
-            others: mask64x8::splat(simd, false),
-        }
+        ReportedLanes::all(simd, CaseLanes(cases.may_cross().select(cases.0, closest.0)))
     }
 
     fn makes_contact(&self, pair: &PairProximity, features: &Proximity) -> bool {
@@ -289,7 +288,7 @@ fn examine_pairs_alone(
     for &triangles in pairs {
         let corners = [a.corners(triangles[0]), b.corners(triangles[1])];
         examine_pair(&corners[0], &corners[1], settings.range / settings.scale, &mut proximity);
-        let reported = |features: &Proximity| reports(a, b, settings.same_surface, triangles, features.features);
+        let reported = |features: &Proximity| reports(a, b, settings, triangles, features.features);
         let number = |features: FeaturePair| numbers(a, b, triangles, features);
         add_examined(a, b, settings, triangles, &corners, &proximity, reported, number, found);
     }

@@ -21,6 +21,7 @@ const MOST_PARTS: usize = 64;
 
 /// An axis-aligned box. Empty if a minimum exceeds its maximum.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Aabb {
     /// Smallest coordinates.
     pub min: Vec3,

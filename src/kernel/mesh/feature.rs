@@ -2,6 +2,7 @@
 
 /// A feature of one triangle, by its index within the triangle.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum Feature {
     /// Corner 0–2.
     Vertex(u8),
@@ -35,6 +36,7 @@ impl Feature {
 
 /// The kinds of the two features of a contact.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum FeatureKind {
     /// Two vertices.
     VertexVertex,
@@ -67,6 +69,7 @@ impl FeatureKind {
 
 /// The features of the first and the second side of a contact.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct FeaturePair {
     /// Feature of the first side.
     pub a: Feature,

@@ -11,6 +11,8 @@ pub(in crate::kernel) mod fans;
 pub mod feature;
 pub mod ids;
 pub mod motion;
+#[cfg(feature = "serde")]
+mod serialized;
 pub mod side;
 #[cfg(feature = "mesh")]
 pub mod skinning;

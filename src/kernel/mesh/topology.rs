@@ -13,7 +13,7 @@ use super::{
     fans::Fans,
     ids::{EdgeId, TriangleId, VertexId},
     surroundings::Surroundings,
-    validation::{MAX_ELEMENTS, TopologyError, validate},
+    validation::{MAX_ELEMENTS, TopologyError, validate, validate_positions},
     weld::{exact_weld, weld_within},
 };
 
@@ -156,7 +156,7 @@ impl SurfaceTopology {
     /// # Errors
     /// If the distance is negative or not finite, and in the cases of [`new`](Self::new).
     pub fn welded_within(positions: &[Vec3], triangles: &[[u32; 3]], distance: f32) -> Result<Self, TopologyError> {
-        validate(positions, triangles)?;
+        validate_positions(positions)?;
         if !(distance.is_finite() && distance >= 0.0) {
             return Err(TopologyError::WeldDistance(distance));
         }
@@ -164,6 +164,16 @@ impl SurfaceTopology {
         if distance > 0.0 {
             weld_within(positions, f64::from(distance), &mut weld);
         }
+        Self::from_weld(weld, triangles)
+    }
+
+    /// Builds the adjacency of `triangles`, whose vertices are one where they have the same entry of `weld`: the first of
+    /// those vertices.
+    ///
+    /// # Errors
+    /// If an entry is not such a vertex, and in the cases of [`new`](Self::new).
+    pub(super) fn from_weld(weld: Vec<u32>, triangles: &[[u32; 3]]) -> Result<Self, TopologyError> {
+        validate(&weld, triangles)?;
         let welded_triangles: Vec<[u32; 3]> =
             triangles.iter().map(|corners| corners.map(|vertex| weld[vertex as usize])).collect();
         let (edges, triangle_edges) = unique_edges(&welded_triangles);
@@ -173,10 +183,10 @@ impl SurfaceTopology {
             return Err(TopologyError::TooLarge { element: "edges", count: edge_numbers });
         }
         let edge_triangles = Incidence::new(edges.len(), &triangle_edges);
-        let vertex_triangles = Incidence::new(positions.len(), &welded_triangles);
+        let vertex_triangles = Incidence::new(weld.len(), &welded_triangles);
         let surroundings = Surroundings::of_all(&welded_triangles, &triangle_edges, &vertex_triangles, &edge_triangles);
         let mut topology = Self {
-            vertex_count: positions.len(),
+            vertex_count: weld.len(),
             triangles: triangles.to_vec(),
             welded_triangles,
             weld,

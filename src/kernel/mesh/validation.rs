@@ -35,6 +35,14 @@ pub enum TopologyError {
         "the distance to weld within is {0}: give a finite one of 0 or more, below the length of the shortest edge"
     )]
     WeldDistance(f32),
+    /// A vertex is not welded to the first one of those that are one with it. Only where a topology is deserialized.
+    #[error("vertex {vertex} is welded to vertex {to}, which is not an earlier vertex that is welded to itself")]
+    Weld {
+        /// The index of the vertex in the list.
+        vertex: usize,
+        /// The vertex that the list names.
+        to: u32,
+    },
     /// There are more elements than a contact key can number.
     #[error("the surface has {count} {element}, more than the {MAX_ELEMENTS} that one surface can have: split it")]
     TooLarge {
@@ -45,22 +53,29 @@ pub enum TopologyError {
     },
 }
 
-/// Checks what the adjacency takes for granted.
-pub(super) fn validate(positions: &[Vec3], triangles: &[[u32; 3]]) -> Result<(), TopologyError> {
+/// Checks what the welding takes for granted.
+pub(super) fn validate_positions(positions: &[Vec3]) -> Result<(), TopologyError> {
+    let vertex = positions.iter().position(|position| !position.is_finite());
+    vertex.map_or(Ok(()), |vertex| Err(TopologyError::NonFinitePosition { vertex, position: positions[vertex] }))
+}
+
+/// Checks what the adjacency takes for granted. `weld` has for each vertex the first one that is one with it.
+pub(super) fn validate(weld: &[u32], triangles: &[[u32; 3]]) -> Result<(), TopologyError> {
     if triangles.is_empty() {
         return Err(TopologyError::NoTriangles);
     }
-    for (element, count) in [("vertices", positions.len()), ("triangles", triangles.len())] {
+    for (element, count) in [("vertices", weld.len()), ("triangles", triangles.len())] {
         if count > MAX_ELEMENTS {
             return Err(TopologyError::TooLarge { element, count });
         }
     }
-    if let Some(vertex) = positions.iter().position(|position| !position.is_finite()) {
-        return Err(TopologyError::NonFinitePosition { vertex, position: positions[vertex] });
+    let is_first = |vertex: usize, to: u32| to as usize <= vertex && weld[to as usize] == to;
+    if let Some((vertex, &to)) = weld.iter().enumerate().find(|&(vertex, &to)| !is_first(vertex, to)) {
+        return Err(TopologyError::Weld { vertex, to });
     }
     for (triangle, corners) in triangles.iter().enumerate() {
-        if let Some(&vertex) = corners.iter().find(|&&vertex| vertex as usize >= positions.len()) {
-            return Err(TopologyError::VertexOutOfRange { triangle, vertex, vertices: positions.len() });
+        if let Some(&vertex) = corners.iter().find(|&&vertex| vertex as usize >= weld.len()) {
+            return Err(TopologyError::VertexOutOfRange { triangle, vertex, vertices: weld.len() });
         }
     }
     Ok(())

@@ -64,6 +64,7 @@ pub(in crate::kernel) trait ContactSink {
 
 /// A pair of triangles that are in contact by their spheres.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct SphereContact {
     /// Triangle of the first surface, as the caller numbered it.
     pub triangle_a: u32,

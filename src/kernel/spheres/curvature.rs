@@ -25,6 +25,7 @@ use crate::kernel::{
 
 /// How the curvature of a triangle is estimated.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum CurvatureEstimator {
     /// The edge with the largest `|β/d|`, signed: positive where the surface is convex, seen from the side that its
     /// normals point to. Works on stretched meshes and at boundaries.

@@ -4,6 +4,8 @@ use bevy_math::ops;
 
 /// What counts as a thin wall.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", serde(default, deny_unknown_fields))]
 pub struct ThinWallSettings {
     /// The largest angle between one side and the reverse of the other, in radians. Default: 30°. Clamped to 0 to 60°.
     pub opposed_angle: f32,

@@ -18,7 +18,7 @@ use crate::{
         particles::Particles,
         scene::Scene,
     },
-    surface::SurfaceLayers,
+    surface::{FilterSide, SurfaceLayers},
 };
 
 /// Relative bound on the rounding of positions to f32 between ticks.
@@ -77,6 +77,8 @@ pub(super) struct Mesh {
     pub(super) name: MeshName,
     pub(super) topology: Arc<SurfaceTopology>,
     pub(super) layers: SurfaceLayers,
+    /// What it knows about pairs of triangles that are left out.
+    pub(super) filter: FilterSide,
     /// How far it extends beyond its triangles. Two meshes touch within the sum.
     pub(super) thickness: f64,
     /// The solid part of the thickness, which nothing may enter.

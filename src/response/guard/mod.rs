@@ -38,7 +38,7 @@ use crate::{
         mesh::{bounds::Aabb, topology::SurfaceTopology},
         simd::parallel::Parallel,
     },
-    surface::ActiveShape,
+    surface::{ActiveShape, ContactFilter, FilterSide, PairFilter},
 };
 
 /// Rounds that project the ends of trajectories, then rounds that stop or carry along colliding vertices, then rounds
@@ -102,6 +102,7 @@ pub(super) struct Guard {
     sweeping: Sweeping,
     threads: Threads,
     scratch: PairProximity,
+    filter: Option<ContactFilter>,
     tick: u64,
 }
 
@@ -110,6 +111,7 @@ impl Guard {
     pub(super) fn begin(&mut self, particles: &Particles, scene: &Scene<'_, '_>, gatherer: &Gatherer) -> usize {
         self.tick += 1;
         self.threads = scene.threads();
+        self.filter = scene.filter.as_deref().cloned();
         self.pairs.clear();
         self.found.clear();
         self.jammed.clear();
@@ -175,7 +177,7 @@ impl Guard {
 
     /// Appends the impacts of pairs with at least one mesh for which `requested` returns true.
     fn find(&mut self, particles: &Particles, gatherer: &Gatherer, requested: impl Fn(&Mesh) -> bool) {
-        let Self { meshes, pairs, found, impacts, sweeping, threads, jammed, scratch, .. } = self;
+        let Self { meshes, pairs, found, impacts, sweeping, threads, jammed, scratch, filter: game, .. } = self;
         for pair in &*pairs {
             let MeshPair { places: [a, b], separation, .. } = *pair;
             let (mesh_a, mesh_b) = (&meshes[a], &meshes[b]);
@@ -184,7 +186,9 @@ impl Guard {
             }
             let (swept_a, swept_b) = (mesh_a.swept(particles), mesh_b.swept(particles));
             let sides = ((swept_a, &mesh_a.tree), (swept_b, &mesh_b.tree));
-            sweeping.run(&Sweep { a: sides.0, b: sides.1, same_surface: a == b, separation }, threads.0, impacts);
+            let filter = PairFilter::between(&mesh_a.filter, &mesh_b.filter, a == b, game.as_ref());
+            let sweep = Sweep { a: sides.0, b: sides.1, same_surface: a == b, separation };
+            sweeping.run(&sweep, filter.as_ref(), threads.0, impacts);
             let before = found.len();
             let is_round = mesh_a.radius + mesh_b.radius > 0.0;
             let is_leaving = |found: &PairImpact| {
@@ -251,6 +255,7 @@ impl Guard {
                 name,
                 topology: Arc::clone(&surface.topology),
                 layers: surface.layers,
+                filter: FilterSide::of_surface(surface),
                 thickness: f64::from(surface.thickness),
                 radius: 0.0,
                 meets_itself: surface.self_collision,
@@ -287,6 +292,7 @@ impl Guard {
             name,
             topology: Arc::clone(topology),
             layers: shape.layers,
+            filter: FilterSide::of_shape(shape),
             thickness: radius,
             radius,
             meets_itself: false,

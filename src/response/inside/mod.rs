@@ -22,8 +22,8 @@ use super::{
 };
 use crate::{
     detection::moved_box,
-    kernel::mesh::feature::Feature,
-    surface::{ActiveShape, ActiveSurface},
+    kernel::mesh::{feature::Feature, ids::VertexId},
+    surface::{ActiveShape, ActiveSurface, ContactFilter, FilterSide, PairFilter},
 };
 
 /// Depth, in thicknesses, up to which contacts alone push out of a shape tested by formula.
@@ -56,7 +56,7 @@ const LEFT: f64 = 0.75;
 const MOST_SOLIDS: usize = 16;
 
 /// Remembers which surfaces were near each other, and how bodies leave solids.
-#[derive(Default)]
+#[derive(Clone, Default)]
 pub(super) struct Insides {
     near: HashSet<(Entity, Entity)>,
     before: HashSet<(Entity, Entity)>,
@@ -133,6 +133,14 @@ struct Body<'a> {
 }
 
 impl Body<'_> {
+    /// Whether a vertex inside a solid is led out of it: a triangle around it may touch the triangle of the solid that is
+    /// nearest to it.
+    fn may_touch(self, vertex: &BodyPoint, solid: &Solid<'_>, filter: &PairFilter<'_>) -> bool {
+        let Some(nearest) = solid.nearest_triangle(vertex.at) else { return false };
+        let number = VertexId(vertex.entries[0].0 - self.first as u32);
+        self.surface.topology.triangles_of_vertex(number).iter().any(|&own| filter.allows([own, nearest]))
+    }
+
     fn particles(self) -> std::ops::Range<usize> {
         self.first..self.first + self.surface.topology.vertex_count()
     }
@@ -179,7 +187,8 @@ impl Insides {
                 if !(other.one_sided && surface.entity != other.entity && surface.meets(other) && is_near()) {
                     continue;
                 }
-                let names = (other.entity, other.fresh);
+                let filter = FilterSide::of_surface(other);
+                let names = (other.entity, other.fresh, &filter);
                 let surroundings = Surroundings { scene, particles: &solver.particles, first: &first };
                 let solid = || surroundings.placed(other);
                 let Some(way) = self.find(surroundings, body, names, 0.0, solid) else { continue };
@@ -202,7 +211,8 @@ impl Insides {
                 let [pose, ahead] = scene.poses(shape);
                 let shallow = SHALLOW * f64::from(surface.thickness);
                 let solid = || Some(Solid::shape(&shape.geometry, pose));
-                let names = (shape.entity, shape.fresh);
+                let filter = FilterSide::of_shape(shape);
+                let names = (shape.entity, shape.fresh, &filter);
                 let surroundings = Surroundings { scene, particles: &solver.particles, first: &first };
                 let way = self.find(surroundings, body, names, shallow, solid);
                 let Some(way) = way else { continue };
@@ -221,7 +231,7 @@ impl Insides {
         &mut self,
         surroundings: Surroundings<'a>,
         body: Body<'_>,
-        (entity, fresh): (Entity, bool),
+        (entity, fresh, other): (Entity, bool, &FilterSide),
         shallow: f64,
         solid: impl FnOnce() -> Option<Solid<'a>>,
     ) -> Option<WayOut> {
@@ -237,7 +247,7 @@ impl Insides {
         }
         let solid = solid()?;
         let crossing = scene.crossing_of(surface.entity, entity);
-        let inside = Inside::new(particles, body, &solid, shallow, &crossing)?;
+        let inside = Inside::new(particles, body, &solid, (other, scene.filter.as_deref()), shallow, &crossing)?;
         let triangles = crossing.iter().flat_map(|place| surface.topology.triangles_beside(place.triangle));
         self.crossing.insert(pair, triangles.collect());
         let margin = 2.0 * f64::from(surface.thickness);
@@ -346,6 +356,7 @@ impl Inside {
         particles: &Particles,
         body: Body<'_>,
         solid: &Solid<'_>,
+        other: (&FilterSide, Option<&ContactFilter>),
         shallow: f64,
         crossing: &[Crossing],
     ) -> Option<Self> {
@@ -359,6 +370,10 @@ impl Inside {
         let vertices = near.into_iter().map(|particle| BodyPoint::new([(particle as u32, 1.0)], particles));
         let inside = |point: &BodyPoint| solid.contains(point.at, 0.0);
         let mut points: Vec<BodyPoint> = vertices.filter(inside).collect();
+        let own = FilterSide::of_surface(body.surface);
+        if let Some(filter) = PairFilter::between(&own, other.0, false, other.1) {
+            points.retain(|point| body.may_touch(point, solid, &filter));
+        }
         let vertex_count = points.len();
         points.extend(between(crossing, body, particles).filter(inside));
         if points.len() == vertex_count && !points.iter().any(|point| solid.contains(point.at, shallow)) {

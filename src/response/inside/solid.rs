@@ -94,6 +94,14 @@ impl<'a> Solid<'a> {
         }
     }
 
+    /// The triangle of the boundary that is nearest to a point, 0 for a shape.
+    pub(super) fn nearest_triangle(&self, point: DVec3) -> Option<u32> {
+        match self {
+            Self::Shape(_) => Some(0),
+            Self::Closed(mesh) | Self::Open(mesh) => mesh.nearest(point).map(|(triangle, _)| triangle),
+        }
+    }
+
     /// Distance to travel from a point along a unit direction, at least `from`, until the next `room` is free of the
     /// solid.
     pub(super) fn free_from(&self, point: DVec3, direction: DVec3, from: f64, room: f64) -> Option<f64> {
@@ -222,6 +230,14 @@ impl PlacedMesh<'_> {
     }
 
     fn nearest_exit(&self, point: DVec3) -> Option<Exit> {
+        let (triangle, at) = self.nearest(point)?;
+        let corners = self.corners(&self.topology.triangles()[triangle as usize]);
+        let outward = (at - point).try_normalize().or_else(|| face_normal(&corners).try_normalize())?;
+        Some(Exit { at, outward })
+    }
+
+    /// The nearest triangle, the lowest of equally near ones, and its nearest point.
+    fn nearest(&self, point: DVec3) -> Option<(u32, DVec3)> {
         let mut nearest: Option<(f64, u32, DVec3)> = None;
         for (number, triangle) in (0..).zip(self.topology.triangles()) {
             let corners = self.corners(triangle);
@@ -237,10 +253,7 @@ impl PlacedMesh<'_> {
                 nearest = Some((squared, number, at));
             }
         }
-        let (_, triangle, at) = nearest?;
-        let corners = self.corners(&self.topology.triangles()[triangle as usize]);
-        let outward = (at - point).try_normalize().or_else(|| face_normal(&corners).try_normalize())?;
-        Some(Exit { at, outward })
+        nearest.map(|(_, triangle, at)| (triangle, at))
     }
 }
 

@@ -65,7 +65,7 @@ fn between(from: &Pose, to: &Pose, share: f64) -> Pose {
 }
 
 /// The trajectory of one surface or shape in this tick.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub(in crate::response) struct Course {
     pub(super) from: Stand,
     pub(super) to: Stand,

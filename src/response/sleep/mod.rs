@@ -64,8 +64,8 @@ pub(super) fn wake_changed(
     let mut unchanged = 0;
     let mut islands = Vec::new();
     for surface in &active.surfaces {
-        let Some(asleep) = sleep.asleep.get(&surface.entity) else { continue };
-        let is_same = bodies.get(surface.entity).is_ok_and(|item| Seen::new(surface, &item) == asleep.seen);
+        let Some(asleep) = sleep.asleep.get_mut(&surface.entity) else { continue };
+        let is_same = bodies.get(surface.entity).is_ok_and(|item| asleep.is_undisturbed(surface, &item));
         if is_same && !surface.fresh {
             unchanged += 1;
         } else {
@@ -134,7 +134,8 @@ pub(super) fn settle(time: Option<Res<Time>>, scene: Scene, watched: Query<Watch
         });
         let island = first.wrapping_add(island as u32);
         let tethers = item.tethers.as_ref().and_then(|tethers| tethers.holding()).unwrap_or_default();
-        let asleep = Asleep { island, seen: Seen::new(surface, &item), near: near.collect(), tethers };
+        let seen = Seen::new(surface, &item);
+        let asleep = Asleep { island, seen, values: item.values(), near: near.collect(), tethers };
         sleep.asleep.insert(surface.entity, asleep);
         sleep.calm.remove(&surface.entity);
     }

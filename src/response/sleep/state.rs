@@ -1,6 +1,12 @@
 //! Which bodies sleep, and what they were like when they fell asleep.
 
+use std::{
+    fmt::Debug,
+    hash::{DefaultHasher, Hash, Hasher},
+};
+
 use bevy_ecs::{change_detection::Tick, entity::EntityHashMap, prelude::*, query::QueryData};
+use bytemuck::cast_slice;
 use glam::DVec3;
 
 use crate::{
@@ -54,12 +60,52 @@ impl Seen {
     }
 }
 
+impl Asleep {
+    /// Whether nothing about the body has changed since it fell asleep. Values that were written once more have not.
+    pub(super) fn is_undisturbed(&mut self, surface: &ActiveSurface, item: &WatchedItem<'_, '_>) -> bool {
+        let now = Seen::new(surface, item);
+        let is_only_written =
+            || Seen { changes: self.seen.changes, ..now } == self.seen && item.values() == self.values;
+        if now != self.seen && !is_only_written() {
+            return false;
+        }
+        self.seen = now;
+        true
+    }
+}
+
+impl WatchedItem<'_, '_> {
+    /// A hash of all values.
+    pub(super) fn values(&self) -> u64 {
+        let Self { positions, body, forces, wind, tethers, friction } = self;
+        let mut hasher = DefaultHasher::new();
+        hasher.write(cast_slice(&positions.0));
+        hasher.write(cast_slice(&body.velocities));
+        hasher.write(cast_slice(&body.inverse_masses));
+        hash_text(&body.material, &mut hasher);
+        for values in forces.iter().map(|forces| &forces.0) {
+            hasher.write(cast_slice(values));
+        }
+        hash_text(&wind.as_deref(), &mut hasher);
+        hash_text(&tethers.as_ref().map(|tethers| &tethers.tethers), &mut hasher);
+        hash_text(&friction.as_deref(), &mut hasher);
+        hasher.finish()
+    }
+}
+
+/// Hashes the debug text of a few values, which has each float to the last bit.
+fn hash_text(values: &impl Debug, hasher: &mut DefaultHasher) {
+    format!("{values:?}").hash(hasher);
+}
+
 /// A body that sleeps.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub(super) struct Asleep {
     /// The number of its island.
     pub(super) island: u32,
     pub(super) seen: Seen,
+    /// A hash of the values of what is [`Watched`]. Where it was written, this tells whether it has changed.
+    pub(super) values: u64,
     /// What it was near, which keeps it where it is.
     pub(super) near: Vec<Entity>,
     /// The number of tethers that held it.
@@ -67,7 +113,7 @@ pub(super) struct Asleep {
 }
 
 /// How long a body has stayed where it is.
-#[derive(Debug, Default)]
+#[derive(Clone, Debug, Default)]
 pub(super) struct Calm {
     /// Where its vertices were when that time began.
     places: Vec<DVec3>,
@@ -76,7 +122,7 @@ pub(super) struct Calm {
 }
 
 /// Which bodies sleep, and how long the others have been calm.
-#[derive(Resource, Debug, Default)]
+#[derive(Resource, Clone, Debug, Default)]
 pub(in crate::response) struct Sleep {
     pub(super) asleep: EntityHashMap<Asleep>,
     pub(super) calm: EntityHashMap<Calm>,

@@ -12,7 +12,7 @@ use bevy_reflect::prelude::*;
 use super::SurfaceMeshError;
 use crate::surface::{
     ContactEventsEnabled, ContactMethod, SelfCollision, Sidedness, SurfaceLayers, SurfaceShape, SurfaceStatus,
-    SurfaceThickness, SweptCollision, components::Registration,
+    SurfaceThickness, SweptCollision, checked::Registration,
 };
 
 /// Makes the entity a [`DeformableSurface`](crate::DeformableSurface) from its
@@ -73,6 +73,8 @@ impl SurfaceFromMesh {
 /// [`SurfaceFromMesh`].
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "reflect", derive(Reflect), reflect(Clone, Debug, Default, PartialEq))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", serde(default, deny_unknown_fields))]
 pub struct SurfaceSettings {
     /// Half the contact distance.
     pub thickness: Option<SurfaceThickness>,

@@ -90,7 +90,7 @@ impl<'a> Block<'a> {
         for place in SetLanes(reported.others.to_bitmask() as u32) {
             let mut more =
                 Reported { cases: Cases::from_bits(chosen[0][place]), shared: Cases::from_bits(chosen[1][place]) };
-            add_others(&self.pair(place), self.settings.same_surface, self.screen.pair(place).cases, &mut more);
+            add_others(&self.pair(place), self.settings, self.screen.pair(place).cases, &mut more);
             (chosen[0][place], chosen[1][place]) = (more.cases.bits(), more.shared.bits());
         }
 

@@ -13,7 +13,7 @@ use crate::kernel::{
         surroundings::SurroundingLanes,
         topology::share_corner,
     },
-    pair::{RowPair, SurfaceSide},
+    pair::{PairSettings, RowPair, SurfaceSide},
     simd::lanes::WIDTH,
 };
 
@@ -50,6 +50,14 @@ pub(super) struct ReportedLanes<S: Simd> {
     pub(super) others: mask64x8<S>,
 }
 
+impl<S: Simd> ReportedLanes<S> {
+    /// All of some cases, whichever triangles are the first around their features.
+    #[inline(always)]
+    pub(super) fn all(simd: S, cases: CaseLanes<S>) -> Self {
+        Self { cases, shared: CaseLanes(u64x8::splat(simd, Cases::ALL.bits())), others: mask64x8::splat(simd, false) }
+    }
+}
+
 /// The cases that eight pairs report because their triangles are the first around both features, see [`reports`].
 #[inline(always)]
 pub(super) fn reported_as_first<S: Simd>(
@@ -76,12 +84,12 @@ pub(super) fn reported_as_first<S: Simd>(
 
 /// Adds the other cases that a pair reports although its triangles are not the first around their features.
 #[inline(never)]
-pub(super) fn add_others(pair: &RowPair<'_>, same_surface: bool, cases: Cases, reported: &mut Reported) {
+pub(super) fn add_others(pair: &RowPair<'_>, settings: &PairSettings, cases: Cases, reported: &mut Reported) {
     let [a, b] = pair.sides;
     let others = cases.without(reported.cases).without_boundary();
     if a.topology.is_welded() || b.topology.is_welded() {
         for case in others.each() {
-            reported.add(case, reports(a, b, same_surface, pair.triangles, case.features()));
+            reported.add(case, reports(a, b, settings, pair.triangles, case.features()));
         }
         return;
     }
@@ -96,18 +104,21 @@ pub(super) fn add_others(pair: &RowPair<'_>, same_surface: bool, cases: Cases, r
 
 /// Whether this pair of triangles reports a feature pair, and if so, whether others may too. Only the pair of the first
 /// triangles around both features reports it, unless these are neighbors, which are not a pair. Then every pair with
-/// both features reports it, and only the first contact is kept later, as for boundary features.
+/// both features reports it, and only the first contact is kept later, as for boundary features. So it is if any pairs
+/// are [left out](PairSettings::any_left_out).
 pub(super) fn reports(
     a: &SurfaceSide<'_>,
     b: &SurfaceSide<'_>,
-    same_surface: bool,
+    settings: &PairSettings,
     triangles: [u32; 2],
     features: FeaturePair,
 ) -> Option<bool> {
-    if matches!(
-        (features.a, features.b),
-        (Feature::Vertex(_), Feature::Vertex(_) | Feature::Edge(_)) | (Feature::Edge(_), Feature::Vertex(_))
-    ) {
+    if settings.any_left_out
+        || matches!(
+            (features.a, features.b),
+            (Feature::Vertex(_), Feature::Vertex(_) | Feature::Edge(_)) | (Feature::Edge(_), Feature::Vertex(_))
+        )
+    {
         return Some(true);
     }
     let first_around = |side: &SurfaceSide<'_>, triangle: u32, feature: Feature| {
@@ -119,7 +130,7 @@ pub(super) fn reports(
         let around = |side: &SurfaceSide<'_>, triangle: u32| side.topology.surroundings(TriangleId(triangle));
         return Some(around(a, triangles[0]).is_collapsed() || around(b, triangles[1]).is_collapsed());
     }
-    let are_neighbors = same_surface && a.topology.share_vertex(TriangleId(firsts[0]), TriangleId(firsts[1]));
+    let are_neighbors = settings.same_surface && a.topology.share_vertex(TriangleId(firsts[0]), TriangleId(firsts[1]));
     are_neighbors.then_some(true)
 }
 
