@@ -1,17 +1,20 @@
 //! A block of the table: consecutive slots with their entries, and the pairs in their cells.
 
+#![expect(clippy::inline_always, reason = "only inlined code is compiled for the dispatched instruction set")]
+
+use fearless_simd::prelude::*;
 use glam::Vec3A;
 
 use super::{
     boxes::Boxes,
-    cells::{Cell, hash},
-    crowd::{Crowd, Span},
-    entries::{Entry, Part, Slots},
+    cells::Cell,
+    crowd::{Crowd, Group},
+    entries::{ALL_AXES, Entry, Part, Slots},
 };
 use crate::kernel::mesh::bounds::Aabb;
 
-/// A cell with more entries is swept along an axis instead of comparing all pairs.
-pub(super) const CROWDED: usize = 48;
+/// Cells with more entries than this compare eight boxes at a time.
+const FEW: usize = 8;
 
 /// The box of an entry, copied next to the others of its cell.
 #[derive(Clone, Copy, Debug)]
@@ -29,9 +32,9 @@ pub(super) struct Block {
     pub(super) entries: Vec<Entry>,
     /// Where each slot begins, and after the last one, where it ends.
     starts: Vec<u32>,
-    /// Cells with many boxes, in the order of the entries.
+    /// Cells with more than a few boxes that are not finished, in the order of the entries.
     pub(super) crowds: Vec<Crowd>,
-    pub(super) spans: Vec<Span>,
+    pub(super) groups: Vec<Group>,
     near: Vec<Near>,
     /// Pairs of boxes of one level in cells that are not crowded.
     pub(super) pairs: Vec<[u32; 2]>,
@@ -59,11 +62,13 @@ impl Block {
         }
     }
 
-    /// Finds the pairs in each cell that is not crowded, and sorts those that are.
-    pub(super) fn pair_cells(&mut self, boxes: &Boxes<'_>) {
+    /// Finds the pairs in each cell that is not crowded, and sorts those that are. `is_visited`: whether boxes of other
+    /// levels follow.
+    #[inline(always)]
+    pub(super) fn pair_cells<S: Simd>(&mut self, simd: S, boxes: &Boxes<'_>, is_visited: bool) {
         self.pairs.clear();
         self.crowds.clear();
-        self.spans.clear();
+        self.groups.clear();
         self.occupied_cells = 0;
         for slot in 1..self.starts.len() {
             let [start, end] = [slot - 1, slot].map(|slot| self.starts[slot] as usize);
@@ -78,10 +83,19 @@ impl Block {
             let mut start = start;
             for cell in entries.chunk_by_mut(|a, b| a.key() == b.key()) {
                 self.occupied_cells += 1;
-                if cell.len() > CROWDED {
-                    self.crowds.push(Crowd::sort(cell, start, boxes, &mut self.spans));
-                } else if cell.len() > 1 {
+                if cell.len() <= FEW {
                     pair_cell(cell, boxes, &mut self.near, &mut self.pairs);
+                } else {
+                    let groups = self.groups.len();
+                    let crowd = Crowd::new(cell, start, boxes, &mut self.groups);
+                    if !crowd.is_sorted() {
+                        crowd.sweep(simd, 0..crowd.group_count(), &self.groups, boxes, &mut self.pairs);
+                    }
+                    if crowd.is_sorted() || is_visited {
+                        self.crowds.push(crowd);
+                    } else {
+                        self.groups.truncate(groups);
+                    }
                 }
                 start += cell.len();
             }
@@ -89,8 +103,10 @@ impl Block {
     }
 
     /// Appends the pairs that a box of a finer level forms with the boxes in a cell of this level.
-    pub(super) fn visit(
+    #[inline(always)]
+    pub(super) fn visit<S: Simd>(
         &self,
+        simd: S,
         slot: usize,
         (level, cell): (u8, Cell),
         visitor: (u32, &Aabb, u8),
@@ -99,12 +115,12 @@ impl Block {
     ) {
         let (start, end) = (self.starts[slot] as usize, self.starts[slot + 1] as usize);
         let mut entries = &self.entries[start..end];
-        if entries.len() > CROWDED {
+        if entries.len() > FEW {
             let from = entries.partition_point(|entry| entry.key() < (level, cell));
             let to = entries.partition_point(|entry| entry.key() <= (level, cell));
-            if to - from > CROWDED {
-                let place = self.crowds.partition_point(|crowd| crowd.entries.start < start + from);
-                return self.crowds[place].visit(visitor, (&self.entries, &self.spans), boxes, pairs);
+            if to - from > FEW {
+                let place = self.crowds.partition_point(|crowd| crowd.entries < start + from);
+                return self.crowds[place].visit(simd, visitor, &self.groups, boxes, pairs);
             }
             entries = &entries[from..to];
         }
@@ -127,15 +143,10 @@ impl Block {
     }
 }
 
-/// The block and the slot of a cell.
-pub(super) fn slot_of(slots: &Slots, level: u8, cell: Cell) -> (usize, usize) {
-    slots.place(slots.slot(hash(cell, level)))
-}
-
 /// Appends the pairs that count in a cell, whose entries are in the order of the boxes.
 fn pair_cell(cell: &[Entry], boxes: &Boxes<'_>, near: &mut Vec<Near>, pairs: &mut Vec<[u32; 2]>) {
-    let first = if boxes.is_own() { cell.len() } else { cell.partition_point(|entry| boxes.side(entry.item) == 0) };
-    if !boxes.is_own() && (first == 0 || first == cell.len()) {
+    let first = cell.partition_point(|entry| boxes.side(entry.item) == 0);
+    if cell.len() < 2 || !boxes.is_own() && (first == 0 || first == cell.len()) {
         return;
     }
     near.clear();
@@ -147,7 +158,7 @@ fn pair_cell(cell: &[Entry], boxes: &Boxes<'_>, near: &mut Vec<Near>, pairs: &mu
         let others = if boxes.is_own() { &near[place + 1..] } else { &near[first..] };
         for other in others {
             let overlap = one.min.cmple(other.max) & other.min.cmple(one.max);
-            if overlap.all() && (one.lowest | other.lowest) == 0b111 {
+            if overlap.all() && (one.lowest | other.lowest) == ALL_AXES {
                 pairs.push(boxes.pair(one.item, other.item));
             }
         }

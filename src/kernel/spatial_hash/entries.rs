@@ -5,7 +5,7 @@ use std::ops::Range;
 
 use super::{
     boxes::{Boxes, Sizes},
-    cells::{Cell, Grids, MOST_LEVELS, Place, for_each_cell, hash},
+    cells::{Cell, Grids, MOST_LEVELS, Place, cells_between, hash},
 };
 
 /// A box in a cell.
@@ -23,7 +23,7 @@ pub(super) struct Entry {
 }
 
 /// The bits of all axes.
-const ALL_AXES: u8 = 0b111;
+pub(super) const ALL_AXES: u8 = 0b111;
 
 impl Entry {
     /// A box on the list of large boxes. Pairs on it are not found anywhere else.
@@ -124,9 +124,11 @@ impl Part {
                 Place::Large => self.large.push(item),
                 Place::Level(level) => {
                     self.levels[boxes.side(item)] |= 1 << level;
-                    for_each_cell(grids.cells(level, boxes.get(item)), |cell, lowest| {
-                        self.made.push(Entry { cell, slot: hash(cell, level), item, level, lowest });
-                    });
+                    let cells = cells_between(grids.cells(level, boxes.get(item)));
+                    self.made.extend(cells.map(|(cell, lowest)| {
+                        let slot = hash(cell, level);
+                        Entry { cell, slot, item, level, lowest }
+                    }));
                 }
             }
         }

@@ -2,14 +2,16 @@
 //! (M. Teschner, B. Heidelberger, M. Müller, D. Pomeranets, M. Gross: Optimized Spatial Hashing for Collision Detection
 //! of Deformable Objects, VMV 2003).
 //!
-//! The uniform hash has one grid. The hierarchical hash has a grid for each power of two, and each box is in the cells
-//! of the grid of its own size: a pair is found from the grid of the larger box. Each pair is found once, in the cell of
+//! The uniform hash has one grid. The hierarchical hash has a grid for every second power of two, and each box is in the
+//! cells of the grid of its own size: a pair is found from the grid of the larger box. Each pair is found once, in the cell of
 //! the larger of both minima on each axis. The table is filled anew for each call, in parts that may run on any thread:
 //! neither the pairs nor their order depend on the threads.
 //!
 //! Three things keep time and memory in bounds. A box that is much larger than the cells is on a separate list. The
 //! boxes of that list, and of a cell that has many, are sorted and swept along an axis. There are as many slots as
-//! entries, so memory follows the number of boxes and not the space between them.
+//! boxes in cells, so memory follows the number of boxes and not the space between them.
+
+#![expect(clippy::inline_always, reason = "only inlined code is compiled for the dispatched instruction set")]
 
 mod block;
 mod boxes;
@@ -19,12 +21,14 @@ mod entries;
 
 use std::ops::Range;
 
+use fearless_simd::{Level, dispatch, prelude::*};
+
 use self::{
-    block::{Block, slot_of},
+    block::Block,
     boxes::{Boxes, Sizes},
-    cells::{Grids, Place, for_each_cell},
-    crowd::{Crowd, Span},
-    entries::{Entry, Part, Slots},
+    cells::{Grids, Place, cells_between, hash},
+    crowd::{Crowd, Group},
+    entries::{ALL_AXES, Entry, Part, Slots},
 };
 use crate::kernel::{mesh::bounds::Aabb, simd::parallel::Parallel};
 
@@ -35,8 +39,8 @@ const MOST_PARTS: usize = 64;
 /// Boxes for which another thread pays off.
 const BOXES_OF_A_THREAD: usize = 2048;
 
-/// Boxes of a crowd that one task sweeps.
-const SWEPT_AT_ONCE: usize = 512;
+/// Groups of eight boxes of a crowd that one task sweeps.
+const SWEPT_AT_ONCE: usize = 64;
 
 /// The grids of a hash.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -44,7 +48,7 @@ pub enum HashKind {
     /// One grid for all boxes.
     #[default]
     Uniform,
-    /// A grid for each power of two.
+    /// A grid for every second power of two.
     Hierarchical,
 }
 
@@ -54,8 +58,8 @@ pub struct HashSettings {
     /// Its grids.
     pub kind: HashKind,
     /// The side of a cell, or of the finest cells of a hierarchy, which are rounded up to a power of two. `None`, and
-    /// whatever is not positive and finite, means that the boxes are measured: by default, cells have 1.5 times their
-    /// mean size, and a hierarchy has cells from 1/4096 of their mean size to 2048 times that size.
+    /// whatever is not positive and finite, means that the boxes are measured: cells then have twice their mean size,
+    /// and those of a hierarchy from 1/4096 of their mean size to 262,144 times that size.
     pub cell_size: Option<f32>,
 }
 
@@ -75,7 +79,7 @@ pub struct HashCounts {
 /// A piece of work that follows when all cells are filled.
 #[derive(Clone, Copy, Debug)]
 enum Job {
-    /// Sweeps 512 boxes of a block's crowd, or of the large boxes.
+    /// Sweeps some groups of a block's crowd, or of the large boxes.
     Sweep { block: Option<usize>, crowd: usize, start: usize },
     /// Visits the cells of coarser levels, and the large boxes, with the boxes of a part.
     Visit { part: usize },
@@ -88,7 +92,7 @@ pub struct SpatialHash {
     blocks: Vec<Block>,
     large: Vec<Entry>,
     large_crowd: Crowd,
-    large_spans: Vec<Span>,
+    large_groups: Vec<Group>,
     jobs: Vec<Job>,
     /// The pairs that each job has found.
     found: Vec<Vec<[u32; 2]>>,
@@ -162,21 +166,22 @@ impl SpatialHash {
         let entries = parts.iter().map(Part::entry_count).sum();
         self.peak = self.peak.max(entries);
         let slots = Slots::for_entries(entries);
+        let levels: [u32; 2] = parts.iter().fold([0; 2], |[a, b], part| [a | part.levels[0], b | part.levels[1]]);
+        let is_visited = (levels[0] | levels[1]).count_ones() > 1;
         parallel.run_tasks(parts.iter_mut(), threads, |part| part.sort_by_block(&slots));
         grow(&mut self.blocks, slots.blocks());
         let blocks = &mut self.blocks[..slots.blocks()];
         let parts = &*parts;
         parallel.run_tasks(blocks.iter_mut().enumerate(), threads, |(number, block)| {
             block.fill(number, parts, &slots);
-            block.pair_cells(&boxes);
+            dispatch!(Level::new(), simd => block.pair_cells(simd, &boxes, is_visited));
         });
         let blocks = &*blocks;
 
         self.large.clear();
-        self.large_spans.clear();
+        self.large_groups.clear();
         self.large.extend(parts.iter().flat_map(|part| &part.large).map(|&item| Entry::large(item)));
-        self.large_crowd = Crowd::sort(&mut self.large, 0, &boxes, &mut self.large_spans);
-        let levels = parts.iter().fold([0; 2], |[a, b], part| [a | part.levels[0], b | part.levels[1]]);
+        self.large_crowd = Crowd::new(&mut self.large, 0, &boxes, &mut self.large_groups);
         let table = Table {
             boxes,
             grids,
@@ -184,7 +189,7 @@ impl SpatialHash {
             levels: if boxes.is_own() { [levels[0]; 2] } else { [levels[1], levels[0]] },
             parts,
             blocks,
-            large: (&self.large, &self.large_spans),
+            large_groups: &self.large_groups,
             large_crowd: &self.large_crowd,
         };
         table.list_jobs(&mut self.jobs);
@@ -192,7 +197,7 @@ impl SpatialHash {
         let jobs = self.jobs.iter().zip(&mut self.found);
         parallel.run_tasks(jobs, threads, |(job, found)| {
             found.clear();
-            table.work(*job, found);
+            dispatch!(Level::new(), simd => table.work(simd, *job, found));
         });
         let found = &self.found[..self.jobs.len()];
         let lists = || blocks.iter().map(|block| &block.pairs).chain(found);
@@ -201,7 +206,7 @@ impl SpatialHash {
         HashCounts {
             occupied_cells: blocks.iter().map(|block| block.occupied_cells).sum(),
             entries,
-            crowded_cells: blocks.iter().map(|block| block.crowds.len()).sum(),
+            crowded_cells: blocks.iter().flat_map(|block| &block.crowds).filter(|crowd| crowd.is_sorted()).count(),
             large_boxes: self.large.len(),
         }
     }
@@ -222,63 +227,64 @@ struct Table<'a> {
     levels: [u32; 2],
     parts: &'a [Part],
     blocks: &'a [Block],
-    large: (&'a [Entry], &'a [Span]),
+    large_groups: &'a [Group],
     large_crowd: &'a Crowd,
 }
 
 impl Table<'_> {
     fn list_jobs(&self, jobs: &mut Vec<Job>) {
         jobs.clear();
-        let mut sweep = |block: Option<usize>, crowd: usize, length: usize| {
-            jobs.extend((0..length).step_by(SWEPT_AT_ONCE).map(|start| Job::Sweep { block, crowd, start }));
+        let mut sweep = |block: Option<usize>, crowd: usize, groups: usize| {
+            jobs.extend((0..groups).step_by(SWEPT_AT_ONCE).map(|start| Job::Sweep { block, crowd, start }));
         };
         for (block, Block { crowds, .. }) in self.blocks.iter().enumerate() {
-            for (crowd, sorted) in crowds.iter().enumerate() {
-                sweep(Some(block), crowd, sorted.len());
+            for (number, crowd) in crowds.iter().enumerate().filter(|(_, crowd)| crowd.is_sorted()) {
+                sweep(Some(block), number, crowd.group_count());
             }
         }
-        sweep(None, 0, self.large_crowd.len());
+        sweep(None, 0, self.large_crowd.group_count());
         let has_visits = |part: &Part| {
             let meets_coarser = |side: usize| {
                 let finest = part.levels[side].trailing_zeros();
                 finest < u32::BITS && (self.levels[side] >> finest) > 1
             };
-            !self.large.0.is_empty() || meets_coarser(0) || meets_coarser(1)
+            self.large_crowd.len() > 0 || meets_coarser(0) || meets_coarser(1)
         };
         let visiting = (0..self.parts.len()).filter(|&part| has_visits(&self.parts[part]));
         jobs.extend(visiting.map(|part| Job::Visit { part }));
     }
 
-    fn work(&self, job: Job, pairs: &mut Vec<[u32; 2]>) {
+    #[inline(always)]
+    fn work<S: Simd>(&self, simd: S, job: Job, pairs: &mut Vec<[u32; 2]>) {
         match job {
             Job::Sweep { block, crowd, start } => {
-                let (crowd, lists) = match block.map(|block| &self.blocks[block]) {
-                    Some(block) => (&block.crowds[crowd], (&*block.entries, &*block.spans)),
-                    None => (self.large_crowd, self.large),
+                let (crowd, groups) = match block.map(|block| &self.blocks[block]) {
+                    Some(block) => (&block.crowds[crowd], &*block.groups),
+                    None => (self.large_crowd, self.large_groups),
                 };
-                let range: Range<usize> = start..(start + SWEPT_AT_ONCE).min(crowd.len());
-                crowd.sweep(range, lists, &self.boxes, pairs);
+                let range: Range<usize> = start..(start + SWEPT_AT_ONCE).min(crowd.group_count());
+                crowd.sweep(simd, range, groups, &self.boxes, pairs);
             }
-            Job::Visit { part } => self.visit(&self.parts[part], pairs),
+            Job::Visit { part } => self.visit(simd, &self.parts[part], pairs),
         }
     }
 
-    fn visit(&self, part: &Part, pairs: &mut Vec<[u32; 2]>) {
+    /// Appends the pairs that the boxes of a part form with boxes of coarser levels, and with large boxes.
+    #[inline(always)]
+    fn visit<S: Simd>(&self, simd: S, part: &Part, pairs: &mut Vec<[u32; 2]>) {
         for (item, place) in part.items.clone().zip(&part.places) {
             let Place::Level(own) = *place else { continue };
             let item = item as u32;
             let bounds = self.boxes.get(item);
             let coarser = self.levels[self.boxes.side(item)] & !((2 << own) - 1);
             for level in (own + 1..u32::BITS as u8).filter(|level| coarser >> level & 1 == 1) {
-                for_each_cell(self.grids.cells(level, bounds), |cell, lowest| {
-                    let (block, slot) = slot_of(&self.slots, level, cell);
-                    self.blocks[block].visit(slot, (level, cell), (item, bounds, lowest), &self.boxes, pairs);
-                });
+                for (cell, lowest) in cells_between(self.grids.cells(level, bounds)) {
+                    let (block, slot) = self.slots.place(self.slots.slot(hash(cell, level)));
+                    let visitor = (item, bounds, lowest);
+                    self.blocks[block].visit(simd, slot, (level, cell), visitor, &self.boxes, pairs);
+                }
             }
-            if !self.large.0.is_empty() {
-                let all_axes = 0b111;
-                self.large_crowd.visit((item, bounds, all_axes), self.large, &self.boxes, pairs);
-            }
+            self.large_crowd.visit(simd, (item, bounds, ALL_AXES), self.large_groups, &self.boxes, pairs);
         }
     }
 }
