@@ -3,7 +3,7 @@
 use crate::kernel::mesh::bounds::Aabb;
 
 /// The most grids of a hierarchy.
-pub(super) const MOST_LEVELS: usize = 16;
+pub(super) const MOST_LEVELS: u8 = 16;
 
 /// From grid to grid the size of cells doubles this many times. With 1, boxes visit more levels, which takes 1.2 times as
 /// long on scanned and crumpled meshes.
@@ -43,12 +43,12 @@ pub(super) struct Grids {
     /// The finest level's exponent of two. `None` for a uniform grid.
     finest: Option<i32>,
     /// The reciprocals of cell sizes.
-    densities: [f32; MOST_LEVELS],
+    densities: [f32; MOST_LEVELS as usize],
 }
 
 impl Default for Grids {
     fn default() -> Self {
-        Self { finest: None, densities: [1.0; MOST_LEVELS] }
+        Self { finest: None, densities: [1.0; MOST_LEVELS as usize] }
     }
 }
 
@@ -57,18 +57,20 @@ impl Grids {
     pub(super) fn uniform(cell_size: Option<f32>, mean_size: f64) -> Self {
         let automatic = (SIZES_OF_A_CELL * mean_size) as f32;
         let size = cell_size.unwrap_or(automatic).clamp(power_of_two(EXPONENTS[0]), power_of_two(EXPONENTS[1]));
-        Self { finest: None, densities: [1.0 / size; MOST_LEVELS] }
+        Self { finest: None, densities: [1.0 / size; MOST_LEVELS as usize] }
     }
 
     /// A hierarchy whose finest cells have at least this size, or fit boxes of this mean exponent of two.
     pub(super) fn hierarchical(cell_size: Option<f32>, mean_exponent: i32) -> Self {
         let finest = cell_size.map_or(mean_exponent - DOUBLINGS_BELOW_MEAN, exponent);
-        let finest = finest.clamp(EXPONENTS[0], EXPONENTS[1] - DOUBLINGS * MOST_LEVELS as i32);
-        let mut exponents = (finest..).step_by(DOUBLINGS as usize);
-        Self {
-            finest: Some(finest),
-            densities: [(); MOST_LEVELS].map(|()| power_of_two(-exponents.next().unwrap_or_default())),
-        }
+        let finest = finest.clamp(EXPONENTS[0], EXPONENTS[1] - DOUBLINGS * i32::from(MOST_LEVELS));
+        let mut exponent = finest;
+        let densities = [(); MOST_LEVELS as usize].map(|()| {
+            let density = power_of_two(-exponent);
+            exponent += DOUBLINGS;
+            density
+        });
+        Self { finest: Some(finest), densities }
     }
 
     /// The lowest and the highest cell that a box reaches.
@@ -89,7 +91,7 @@ impl Grids {
             return if sides[0] * sides[1] * sides[2] > MOST_CELLS { Place::Large } else { Place::Level(0) };
         };
         let level = (exponent(size) - finest + DOUBLINGS - 1).max(0) / DOUBLINGS;
-        if level < MOST_LEVELS as i32 { Place::Level(level as u8) } else { Place::Large }
+        u8::try_from(level).ok().filter(|level| *level < MOST_LEVELS).map_or(Place::Large, Place::Level)
     }
 }
 
@@ -101,12 +103,12 @@ pub(super) fn size(bounds: &Aabb) -> f32 {
 /// The exponent of the smallest power of two that is not less than a size.
 pub(super) fn exponent(size: f32) -> i32 {
     let bits = size.to_bits();
-    let whole = (bits >> 23 & 0xff) as i32 - 127;
+    let whole = (bits >> 23 & 0xff).cast_signed() - 127;
     whole.max(EXPONENTS[0]) + i32::from(bits & 0x7f_ffff != 0)
 }
 
 fn power_of_two(exponent: i32) -> f32 {
-    f32::from_bits(((exponent + 127) as u32) << 23)
+    f32::from_bits((exponent + 127).cast_unsigned() << 23)
 }
 
 /// The floor, saturated. It never decreases when the coordinate increases, so a point in two boxes is in a cell of both.

@@ -101,7 +101,7 @@ pub(super) struct Part {
     starts: Vec<u32>,
 }
 
-const _: () = assert!(MOST_LEVELS <= u32::BITS as usize);
+const _: () = assert!((MOST_LEVELS as u32) < u32::BITS);
 
 impl Part {
     pub(super) fn measure(&mut self, boxes: &Boxes<'_>, items: Range<usize>) {
