@@ -27,7 +27,7 @@ const ROOMS: [&str; 12] = [
 ];
 
 /// The folders of the kernel, with the same rule.
-const KERNEL_ROOMS: [&str; 16] = [
+const KERNEL_ROOMS: [&str; 17] = [
     "capacity",
     "pose",
     "simd",
@@ -35,6 +35,7 @@ const KERNEL_ROOMS: [&str; 16] = [
     "contact",
     "pair",
     "bvh",
+    "spatial_hash",
     "exact",
     "smooth",
     "query",

@@ -14,6 +14,7 @@ use crate::{
     kernel::{
         exact::rigid_shape::ShapeGeometry,
         mesh::{bounds::Aabb, ids::TriangleId},
+        spatial_hash::HashCounts,
     },
     surface::ActiveSurfaces,
 };
@@ -84,6 +85,14 @@ impl CandidateWriter<'_, '_> {
     /// once, by their indices. Neighbors are dropped afterwards. Unchanged pairs keep their candidates, and pairs with
     /// shapes are handled here.
     pub fn write(&mut self, mut find: impl FnMut(SurfaceBoxes<'_>, &mut Vec<[u32; 2]>)) {
+        self.write_counted(|surfaces, pairs| {
+            find(surfaces, pairs);
+            HashCounts::default()
+        });
+    }
+
+    /// Like [`write`](Self::write), for an algorithm that counts cells.
+    pub(super) fn write_counted(&mut self, mut find: impl FnMut(SurfaceBoxes<'_>, &mut Vec<[u32; 2]>) -> HashCounts) {
         let start = Instant::now();
         let Self { active, candidates, memory, states, diagnostics, moved } = self;
         let active = &**active;
@@ -95,7 +104,7 @@ impl CandidateWriter<'_, '_> {
             let first = side(pair.first);
             match pair.second {
                 _ if pair.is_self() => {
-                    find(SurfaceBoxes::Own(first), &mut pair.triangles);
+                    diagnostics.count_cells(&find(SurfaceBoxes::Own(first), &mut pair.triangles));
                     let topology = &active.surfaces[pair.first].topology;
                     pair.triangles.retain(|&[a, b]| !topology.share_vertex(TriangleId(a), TriangleId(b)));
                 }
@@ -113,7 +122,7 @@ impl CandidateWriter<'_, '_> {
                         bounds.extend(boxes.iter().map(|(_, bounds)| *bounds));
                         sides[number] = BoxSide { version: None, boxes: bounds, ..sides[number] };
                     }
-                    find(SurfaceBoxes::Between(sides), &mut pair.triangles);
+                    diagnostics.count_cells(&find(SurfaceBoxes::Between(sides), &mut pair.triangles));
                 }
                 OtherSide::Shape(shape) => pair_with_shape(active, pair, shape, first.boxes),
             }

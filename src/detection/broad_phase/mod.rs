@@ -7,6 +7,7 @@
 mod brute_force;
 mod custom;
 mod patches;
+mod spatial_hash;
 mod tree;
 
 use std::time::Instant;
@@ -32,6 +33,7 @@ use crate::{
 
 pub use brute_force::BruteForceBroadPhasePlugin;
 pub use custom::{BoxSide, CandidateWriter, SurfaceBoxes};
+pub use spatial_hash::{HierarchicalSpatialHashBroadPhasePlugin, SpatialHashBroadPhasePlugin};
 pub use tree::TreeBroadPhasePlugin;
 pub(super) use tree::{MovedLeaves, Traversal, needed::Needed};
 
