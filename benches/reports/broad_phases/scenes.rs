@@ -78,6 +78,7 @@ pub fn scenes(triangles: usize) -> Vec<Scene> {
     // Balls in a heap, each turned, that overlap a little.
     let ball = icosphere(3, 0.51);
     let count = (triangles / ball.triangles.len()).max(2);
+    #[expect(clippy::cast_sign_loss, reason = "a count has no sign")]
     let side = (count as f64).cbrt().ceil() as usize;
     let pile = (0..count).map(|number| {
         let cell = [number % side, number / side % side, number / side / side].map(|cell| cell as f32);

@@ -43,7 +43,7 @@ pub(super) struct Block {
 
 impl Block {
     /// Collects the block's entries from all parts, in slots.
-    pub(super) fn fill(&mut self, number: usize, parts: &[Part], slots: &Slots) {
+    pub(super) fn fill(&mut self, number: usize, parts: &[Part], slots: Slots) {
         self.starts.clear();
         self.starts.resize(slots.of_a_block() + 1, 0);
         for entry in parts.iter().flat_map(|part| part.of_block(number)) {

@@ -66,21 +66,21 @@ impl Slots {
         Self { count, shift }
     }
 
-    pub(super) fn blocks(&self) -> usize {
+    pub(super) fn blocks(self) -> usize {
         (self.count as usize).div_ceil(1 << self.shift)
     }
 
     /// The slots of a block.
-    pub(super) fn of_a_block(&self) -> usize {
+    pub(super) fn of_a_block(self) -> usize {
         1 << self.shift
     }
 
-    pub(super) fn slot(&self, hash: u32) -> u32 {
+    pub(super) fn slot(self, hash: u32) -> u32 {
         hash % self.count
     }
 
     /// The block of a slot, and the slot's number in it.
-    pub(super) fn place(&self, slot: u32) -> (usize, usize) {
+    pub(super) fn place(self, slot: u32) -> (usize, usize) {
         ((slot >> self.shift) as usize, slot as usize & (self.of_a_block() - 1))
     }
 }
@@ -139,7 +139,7 @@ impl Part {
     }
 
     /// Sorts the entries by block, and otherwise keeps their order.
-    pub(super) fn sort_by_block(&mut self, slots: &Slots) {
+    pub(super) fn sort_by_block(&mut self, slots: Slots) {
         self.starts.clear();
         self.starts.resize(slots.blocks() + 1, 0);
         for entry in &mut self.made {

@@ -155,7 +155,9 @@ impl SpatialHash {
             part.measure(&boxes, items(number));
         });
         let mut sizes = Sizes::default();
-        parts.iter().for_each(|part| sizes.add(&part.sizes));
+        for part in &*parts {
+            sizes.add(&part.sizes);
+        }
         let cell_size = settings.cell_size.filter(|size| *size > 0.0 && size.is_finite());
         let grids = match settings.kind {
             HashKind::Uniform => Grids::uniform(cell_size, sizes.mean()),
@@ -168,12 +170,12 @@ impl SpatialHash {
         let slots = Slots::for_entries(entries);
         let levels: [u32; 2] = parts.iter().fold([0; 2], |[a, b], part| [a | part.levels[0], b | part.levels[1]]);
         let is_visited = (levels[0] | levels[1]).count_ones() > 1;
-        parallel.run_tasks(parts.iter_mut(), threads, |part| part.sort_by_block(&slots));
+        parallel.run_tasks(parts.iter_mut(), threads, |part| part.sort_by_block(slots));
         grow(&mut self.blocks, slots.blocks());
         let blocks = &mut self.blocks[..slots.blocks()];
         let parts = &*parts;
         parallel.run_tasks(blocks.iter_mut().enumerate(), threads, |(number, block)| {
-            block.fill(number, parts, &slots);
+            block.fill(number, parts, slots);
             dispatch!(Level::new(), simd => block.pair_cells(simd, &boxes, is_visited));
         });
         let blocks = &*blocks;
