@@ -6,6 +6,8 @@ use bevy_ecs::prelude::*;
 #[cfg(feature = "reflect")]
 use bevy_reflect::prelude::*;
 
+use crate::kernel::spatial_hash::HashCounts;
+
 /// Measures how long a stage takes. With the feature `trace`, there is a span for as long as it exists.
 pub(crate) struct StageWatch {
     name: &'static str,
@@ -87,6 +89,13 @@ pub struct DetectionDiagnostics {
     pub swept_trees_built: usize,
     /// Trees over swept triangles that were refitted. Those of surfaces at rest are kept as they are.
     pub swept_trees_refitted: usize,
+    /// Cells of spatial hashes that have triangles.
+    pub occupied_cells: usize,
+    /// Cells of spatial hashes with so many triangles that they were swept along an axis. Where there are many of them,
+    /// the cells are too large.
+    pub crowded_cells: usize,
+    /// Triangles that are in no cell because they are much larger than the cells of a spatial hash.
+    pub large_triangles: usize,
     tick_start: Option<Instant>,
     total: Duration,
 }
@@ -110,6 +119,12 @@ impl DetectionDiagnostics {
     pub(crate) fn begin_tick(&mut self) {
         *self = Self { stages: std::mem::take(&mut self.stages), tick_start: Some(Instant::now()), ..Self::default() };
         self.stages.clear();
+    }
+
+    pub(crate) fn count_cells(&mut self, counts: &HashCounts) {
+        self.occupied_cells += counts.occupied_cells;
+        self.crowded_cells += counts.crowded_cells;
+        self.large_triangles += counts.large_boxes;
     }
 
     pub(crate) fn finish(&mut self, watch: StageWatch, pairs_in: usize, pairs_out: usize) {

@@ -19,6 +19,9 @@ pub mod docs {
     #[doc = include_str!("../docs/performance.md")]
     pub mod performance {}
     #[doc = include_str!("doc_links.md")]
+    #[doc = include_str!("../docs/broad_phases.md")]
+    pub mod broad_phases {}
+    #[doc = include_str!("doc_links.md")]
     #[doc = include_str!("../docs/replay.md")]
     pub mod replay {}
     #[doc = include_str!("doc_links.md")]

@@ -8,7 +8,10 @@ use std::{alloc::System, collections::BTreeMap};
 use bevy_app::prelude::*;
 use bevy_circumsphere::{
     CircumsphereSettings, ContactStore, SurfaceDetection, SurfaceDetectionSystems,
-    detection::{BroadPhaseSystems, CandidateTrianglePairs},
+    detection::{
+        BroadPhaseSystems, CandidateTrianglePairs, HierarchicalSpatialHashBroadPhasePlugin,
+        SpatialHashBroadPhasePlugin, TreeBroadPhasePlugin,
+    },
     prelude::*,
 };
 use bevy_ecs::prelude::*;
@@ -74,10 +77,26 @@ struct Scene {
     bodies: Vec<(Entity, [(Vec<Vec3>, Transform); 2])>,
 }
 
+#[derive(Clone, Copy, Debug)]
+enum BroadPhase {
+    Tree,
+    SpatialHash,
+    HierarchicalHash,
+}
+
 impl Scene {
-    fn new(method: ContactMethod) -> Self {
+    fn new(method: ContactMethod, broad_phase: BroadPhase) -> Self {
         let mut app = App::new();
-        app.add_plugins(DeformableCollisionPlugins::new(Update));
+        let plugins = DeformableCollisionPlugins::new(Update).build();
+        match broad_phase {
+            BroadPhase::Tree => app.add_plugins(plugins),
+            BroadPhase::SpatialHash => app
+                .add_plugins(plugins.disable::<TreeBroadPhasePlugin>())
+                .add_plugins(SpatialHashBroadPhasePlugin::default()),
+            BroadPhase::HierarchicalHash => app
+                .add_plugins(plugins.disable::<TreeBroadPhasePlugin>())
+                .add_plugins(HierarchicalSpatialHashBroadPhasePlugin::default()),
+        };
         app.init_resource::<Time>();
         app.insert_resource(CircumsphereSettings { threads: 1, ..CircumsphereSettings::default() });
         add_counters(&mut app);
@@ -123,8 +142,9 @@ fn a_steady_tick_on_one_thread_asks_for_no_memory() {
     assert_eq!(asked(), before + 1, "the allocator does not count");
     let mut faults = Vec::new();
     let mut still = STILL_ALLOCATE.to_vec();
-    for method in ContactMethod::ALL {
-        let mut scene = Scene::new(method);
+    let hashes = [BroadPhase::SpatialHash, BroadPhase::HierarchicalHash].map(|hash| (ContactMethod::Exact, hash));
+    for (method, broad_phase) in ContactMethod::ALL.map(|method| (method, BroadPhase::Tree)).into_iter().chain(hashes) {
+        let mut scene = Scene::new(method, broad_phase);
         (0..WARM).for_each(|tick| scene.tick(tick));
         let mut candidates = Vec::new();
         let mut by_stage: BTreeMap<&str, usize> = BTreeMap::new();
@@ -142,10 +162,10 @@ fn a_steady_tick_on_one_thread_asks_for_no_memory() {
             assert!(store.pairs().len() >= 5 && store.contact_count() > 5_000, "{method:?}: too little touches");
         }
         assert!(candidates[0] != candidates[1] && candidates[0] > 10_000, "{method:?}: nothing moves: {candidates:?}");
-        println!("{method:?}: {by_stage:?}");
+        println!("{method:?}, {broad_phase:?}: {by_stage:?}");
         for (stage, count) in by_stage {
             if count > 0 && !STILL_ALLOCATE.contains(&stage) {
-                faults.push(format!("{method:?}, {stage}: {count} in {STEADY} ticks"));
+                faults.push(format!("{method:?}, {broad_phase:?}, {stage}: {count} in {STEADY} ticks"));
             }
             still.retain(|&listed| listed != stage || count == 0);
         }

@@ -29,7 +29,7 @@ const ROOMS: [&str; 14] = [
 ];
 
 /// The folders of the kernel, with the same rule.
-const KERNEL_ROOMS: [&str; 16] = [
+const KERNEL_ROOMS: [&str; 17] = [
     "capacity",
     "pose",
     "simd",
@@ -37,6 +37,7 @@ const KERNEL_ROOMS: [&str; 16] = [
     "contact",
     "pair",
     "bvh",
+    "spatial_hash",
     "exact",
     "smooth",
     "query",

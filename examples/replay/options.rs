@@ -87,6 +87,8 @@ pub struct Options {
 #[serde(rename_all = "kebab-case")]
 pub enum BroadPhase {
     Tree,
+    SpatialHash,
+    HierarchicalHash,
     BruteForce,
     Parry,
 }

@@ -5,10 +5,13 @@ use std::{
     time::{Duration, Instant},
 };
 
-use bevy_app::prelude::*;
+use bevy_app::{PluginGroupBuilder, prelude::*};
 use bevy_circumsphere::{
     CircumsphereSettings, ContactStore,
-    detection::{BroadPhasePlugin, BruteForceBroadPhasePlugin, TreeBroadPhasePlugin},
+    detection::{
+        BroadPhasePlugin, BruteForceBroadPhasePlugin, HierarchicalSpatialHashBroadPhasePlugin,
+        SpatialHashBroadPhasePlugin, TreeBroadPhasePlugin,
+    },
     geometry::{SurfaceTopology, TopologyError},
     prelude::*,
 };
@@ -151,6 +154,23 @@ pub fn play(
     Ok(played)
 }
 
+/// Replaces the tree by another broad phase.
+fn with_broad_phase(plugins: PluginGroupBuilder, broad_phase: BroadPhase) -> PluginGroupBuilder {
+    let plugins = match broad_phase {
+        BroadPhase::Tree => return plugins,
+        _ => plugins.disable::<TreeBroadPhasePlugin>(),
+    };
+    match broad_phase {
+        BroadPhase::Tree => plugins,
+        BroadPhase::SpatialHash => plugins.add_after::<BroadPhasePlugin>(SpatialHashBroadPhasePlugin::default()),
+        BroadPhase::HierarchicalHash => {
+            plugins.add_after::<BroadPhasePlugin>(HierarchicalSpatialHashBroadPhasePlugin::default())
+        }
+        BroadPhase::BruteForce => plugins.add_after::<BroadPhasePlugin>(BruteForceBroadPhasePlugin),
+        BroadPhase::Parry => plugins.add_after::<BroadPhasePlugin>(ParryBroadPhasePlugin),
+    }
+}
+
 /// An app with the surfaces.
 struct Stage<'a> {
     app: App,
@@ -162,15 +182,7 @@ struct Stage<'a> {
 impl<'a> Stage<'a> {
     fn new(recording: &Recording, scene: &'a Scene, settings: &Settings, recorder: Recorder) -> Self {
         let plugins = DeformableCollisionPlugins::new(Update).build();
-        let plugins = match settings.broad_phase {
-            BroadPhase::Tree => plugins,
-            BroadPhase::BruteForce => {
-                plugins.disable::<TreeBroadPhasePlugin>().add_after::<BroadPhasePlugin>(BruteForceBroadPhasePlugin)
-            }
-            BroadPhase::Parry => {
-                plugins.disable::<TreeBroadPhasePlugin>().add_after::<BroadPhasePlugin>(ParryBroadPhasePlugin)
-            }
-        };
+        let plugins = with_broad_phase(plugins, settings.broad_phase);
         let circumsphere_settings = CircumsphereSettings {
             sphere_offset: settings.sphere_offset,
             refit_threshold: settings.refit_threshold,

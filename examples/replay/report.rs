@@ -10,7 +10,7 @@ use circumsphere_support::recording::Recording;
 use serde::Serialize;
 
 use super::{
-    options::Settings,
+    options::{BroadPhase, Settings},
     player::{Played, PlayedFrame},
 };
 
@@ -34,7 +34,17 @@ struct FrameReport {
     pairs: usize,
     contacts: usize,
     recipes_refreshed: usize,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    cells: Option<Cells>,
     stages: Vec<StageReport>,
+}
+
+/// The cells of a spatial hash.
+#[derive(Serialize)]
+struct Cells {
+    occupied: usize,
+    crowded: usize,
+    large_triangles: usize,
 }
 
 #[derive(Serialize)]
@@ -76,7 +86,7 @@ fn peak_resident_bytes() -> Option<u64> {
 }
 
 impl FrameReport {
-    fn new(played: &PlayedFrame) -> Self {
+    fn new(played: &PlayedFrame, has_cells: bool) -> Self {
         let last = played.detections.last().expect("every frame is detected at least once");
         let of_stage = |detection: &Detection, name: &str| {
             detection.stages.iter().find(|stage| stage.name == name).map(|stage| milliseconds(stage.duration))
@@ -87,6 +97,10 @@ impl FrameReport {
             pairs: last.pairs,
             contacts: last.contacts,
             recipes_refreshed: last.recipes_refreshed,
+            cells: has_cells.then(|| {
+                let [occupied, crowded, large_triangles] = last.cells;
+                Cells { occupied, crowded, large_triangles }
+            }),
             stages: last
                 .stages
                 .iter()
@@ -103,6 +117,7 @@ impl FrameReport {
 
 impl Report {
     pub fn new(input: String, recording: &Recording, settings: &Settings, played: Played) -> Self {
+        let has_cells = matches!(settings.broad_phase, BroadPhase::SpatialHash | BroadPhase::HierarchicalHash);
         Self {
             input,
             settings: settings.clone(),
@@ -111,7 +126,7 @@ impl Report {
             threads: settings.threads,
             build_ms: median(played.builds.iter().copied().map(milliseconds)),
             peak_bytes: peak_resident_bytes(),
-            frames: played.frames.iter().map(FrameReport::new).collect(),
+            frames: played.frames.iter().map(|frame| FrameReport::new(frame, has_cells)).collect(),
         }
     }
 
@@ -175,6 +190,18 @@ impl Display for Report {
             self.over_frames(|frame| frame.pairs as f64),
             self.over_frames(|frame| frame.recipes_refreshed as f64),
         )?;
+        if self.frames.iter().any(|frame| frame.cells.is_some()) {
+            let cells = |value: fn(&Cells) -> usize| {
+                self.over_frames(|frame| frame.cells.as_ref().map_or(0.0, |cells| value(cells) as f64))
+            };
+            writeln!(
+                out,
+                "\ncells: {:.0} occupied, {:.0} crowded; {:.0} triangles too large for them",
+                cells(|cells| cells.occupied),
+                cells(|cells| cells.crowded),
+                cells(|cells| cells.large_triangles),
+            )?;
+        }
         let sum = |value: fn(&FrameReport) -> usize| self.frames.iter().map(value).sum::<usize>();
         let (pairs, contacts) = (sum(|frame| frame.pairs), sum(|frame| frame.contacts));
         writeln!(out, "\ntouching pairs: {:.0} a frame, {pairs} in all", self.over_frames(|frame| frame.pairs as f64))?;

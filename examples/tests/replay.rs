@@ -105,10 +105,12 @@ fn pairs_are_those_of_the_reference_for_every_way_to_find_them() {
     let weld = exact_weld(&rest);
     let distance = 0.3 * mean_edge_length(&rest, &recording.triangles, &weld);
     let mut matched = 0;
-    let ways: [&[&str]; 7] = [
+    let ways: [&[&str]; 9] = [
         &["--contact-distance-edges", "0.3"],
         &["--contact-distance-edges", "0.3", "--surfaces", "components"],
         &["--contact-distance-edges", "0.3", "--broad-phase", "brute-force"],
+        &["--contact-distance-edges", "0.3", "--broad-phase", "spatial-hash", "--surfaces", "components"],
+        &["--contact-distance-edges", "0.3", "--broad-phase", "hierarchical-hash", "--threads", "2"],
         &["--contact-distance-edges", "0.3", "--method", "polygon", "--surfaces", "components"],
         &["--contact-distance-edges", "0.3", "--threads", "3", "--repeat", "2"],
         &["--contact-distance-edges", "0.3", "--warm", "--repeat", "3"],

@@ -1,9 +1,8 @@
 //! Pure geometry, and the arithmetic of the solver: functions take slices and write into buffers that the caller owns. No ECS type.
 //!
 //! Lengths are in the unit of the positions, angles in radians, curvature in 1/length. The rooms in their order, each of which
-//! imports only from those before it: capacity, pose, simd, mesh, contact, pair, bvh, exact, smooth, query, spheres, ccd, tetrahedra,
-//! xpbd, pair fate, thin wall.
-//! `tests/architecture.rs` checks it.
+//! imports only from those before it: capacity, pose, simd, mesh, contact, pair, bvh, spatial hash, exact, smooth, query, spheres, ccd,
+//! tetrahedra, xpbd, pair fate, thin wall. `tests/architecture.rs` checks it.
 
 pub mod bvh;
 pub(crate) mod capacity;
@@ -17,6 +16,7 @@ pub mod pose;
 pub mod query;
 pub mod simd;
 pub mod smooth;
+pub mod spatial_hash;
 pub mod spheres;
 pub mod tetrahedra;
 #[cfg(feature = "thin-wall")]

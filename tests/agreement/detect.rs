@@ -3,7 +3,10 @@
 use bevy_app::prelude::*;
 use bevy_circumsphere::{
     ContactStore,
-    detection::{BruteForceBroadPhasePlugin, TreeBroadPhasePlugin},
+    detection::{
+        BruteForceBroadPhasePlugin, HierarchicalSpatialHashBroadPhasePlugin, SpatialHashBroadPhasePlugin,
+        TreeBroadPhasePlugin,
+    },
     geometry::{CompactContact, TouchingPair},
     prelude::*,
 };
@@ -19,8 +22,14 @@ use glam::{DVec3, Vec3};
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum BroadPhase {
     Tree,
+    SpatialHash,
+    HierarchicalHash,
     BruteForce,
     Parry,
+}
+
+impl BroadPhase {
+    pub const ALL: [Self; 5] = [Self::Tree, Self::SpatialHash, Self::HierarchicalHash, Self::BruteForce, Self::Parry];
 }
 
 /// A self-colliding mesh in its own app.
@@ -38,14 +47,17 @@ impl Detector {
         distance: f64,
     ) -> Self {
         let mut app = App::new();
+        let plugins = DeformableCollisionPlugins::new(Update).build();
         match broad_phase {
-            BroadPhase::Tree => app.add_plugins(DeformableCollisionPlugins::new(Update)),
-            BroadPhase::BruteForce => app
-                .add_plugins(DeformableCollisionPlugins::new(Update).build().disable::<TreeBroadPhasePlugin>())
-                .add_plugins(BruteForceBroadPhasePlugin),
-            BroadPhase::Parry => app
-                .add_plugins(DeformableCollisionPlugins::new(Update).build().disable::<TreeBroadPhasePlugin>())
-                .add_plugins(ParryBroadPhasePlugin),
+            BroadPhase::Tree => app.add_plugins(plugins),
+            _ => app.add_plugins(plugins.disable::<TreeBroadPhasePlugin>()),
+        };
+        match broad_phase {
+            BroadPhase::Tree => &mut app,
+            BroadPhase::SpatialHash => app.add_plugins(SpatialHashBroadPhasePlugin::default()),
+            BroadPhase::HierarchicalHash => app.add_plugins(HierarchicalSpatialHashBroadPhasePlugin::default()),
+            BroadPhase::BruteForce => app.add_plugins(BruteForceBroadPhasePlugin),
+            BroadPhase::Parry => app.add_plugins(ParryBroadPhasePlugin),
         };
         let surface = DeformableSurface::from_mesh(rest, triangles).expect("the mesh is valid");
         let thickness = SurfaceThickness::World((0.5 * distance) as f32);

@@ -93,7 +93,7 @@ fn exact_methods_find_the_pairs_of_the_reference_on_generated_scenes() {
             apart += truth.iter().filter(|pair| pair.distance > 0.0).count();
             let mut sets: Vec<Vec<TouchingPair>> = Vec::new();
             for method in [ContactMethod::Exact, ContactMethod::Polygon] {
-                for broad_phase in [BroadPhase::Tree, BroadPhase::BruteForce, BroadPhase::Parry] {
+                for broad_phase in BroadPhase::ALL {
                     let what = format!("{} at {edges} edges, {method:?}, {broad_phase:?}", scene.name);
                     let mut detector = Detector::new(&scene.positions, &scene.triangles, method, broad_phase, distance);
                     let (found, _) = detector.detect(&scene.positions);

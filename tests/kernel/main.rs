@@ -18,6 +18,7 @@ mod refine;
 mod shape_extremes;
 mod shapes;
 mod smooth_normal;
+mod spatial_hash;
 mod sphere_contacts;
 mod spheres;
 mod steadiness;

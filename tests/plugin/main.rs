@@ -1,5 +1,6 @@
 //! The plugin in headless worlds: spawning, changing, and despawning, and the contacts and events that result.
 
+mod broad_phases;
 mod event_hold;
 mod extremes;
 mod features;

@@ -160,10 +160,10 @@ pub fn mixed_scene(app: &mut App, method: ContactMethod) {
     }
 }
 
-type Candidates = BTreeSet<(String, String, [u32; 2])>;
+pub type Candidates = BTreeSet<(String, String, [u32; 2])>;
 
 /// The candidate pairs, and the pairs that slabs dropped before they became candidates.
-fn candidates(app: &mut App) -> [Candidates; 2] {
+pub fn candidates(app: &mut App) -> [Candidates; 2] {
     let read = |fates: PairFates,
                 candidates: Res<CandidateTrianglePairs>,
                 active: Res<ActiveSurfaces>,

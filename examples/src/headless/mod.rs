@@ -61,6 +61,8 @@ pub struct Detection {
     pub total: Duration,
     pub stages: Vec<StageDiagnostics>,
     pub recipes_refreshed: usize,
+    /// Occupied cells of a spatial hash, crowded ones, and triangles that are too large for them.
+    pub cells: [usize; 3],
     pub pairs: usize,
     pub contacts: usize,
 }
@@ -79,6 +81,7 @@ pub fn detect(app: &mut App) -> (Detection, Duration) {
         total: diagnostics.total(),
         stages: diagnostics.stages.clone(),
         recipes_refreshed: diagnostics.recipes_refreshed,
+        cells: [diagnostics.occupied_cells, diagnostics.crowded_cells, diagnostics.large_triangles],
         pairs: store.touching_count(),
         contacts: store.contact_count(),
     };

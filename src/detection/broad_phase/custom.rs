@@ -12,6 +12,7 @@ use crate::{
     kernel::{
         exact::rigid_shape::ShapeGeometry,
         mesh::{bounds::Aabb, ids::TriangleId},
+        spatial_hash::HashCounts,
     },
     surface::ActiveSurfaces,
 };
@@ -82,6 +83,14 @@ impl CandidateWriter<'_, '_> {
     /// once, by their indices. Neighbors are dropped afterwards. Unchanged pairs keep their candidates, and pairs with
     /// shapes are handled here.
     pub fn write(&mut self, mut find: impl FnMut(SurfaceBoxes<'_>, &mut Vec<[u32; 2]>)) {
+        self.write_counted(|surfaces, pairs| {
+            find(surfaces, pairs);
+            HashCounts::default()
+        });
+    }
+
+    /// Like [`write`](Self::write), for an algorithm that counts cells.
+    pub(super) fn write_counted(&mut self, mut find: impl FnMut(SurfaceBoxes<'_>, &mut Vec<[u32; 2]>) -> HashCounts) {
         let start = StageWatch::start("broad phase");
         let Self { active, candidates, memory, states, diagnostics, moved } = self;
         let active = &**active;
@@ -93,7 +102,7 @@ impl CandidateWriter<'_, '_> {
             let first = side(pair.first);
             match pair.second {
                 _ if pair.is_self() => {
-                    find(SurfaceBoxes::Own(first), &mut pair.triangles);
+                    diagnostics.count_cells(&find(SurfaceBoxes::Own(first), &mut pair.triangles));
                     let topology = &active.surfaces[pair.first].topology;
                     pair.triangles.retain(|&[a, b]| !topology.share_vertex(TriangleId(a), TriangleId(b)));
                 }
@@ -111,7 +120,7 @@ impl CandidateWriter<'_, '_> {
                         bounds.extend(boxes.iter().map(|(_, bounds)| *bounds));
                         sides[number] = BoxSide { version: None, boxes: bounds, ..sides[number] };
                     }
-                    find(SurfaceBoxes::Between(sides), &mut pair.triangles);
+                    diagnostics.count_cells(&find(SurfaceBoxes::Between(sides), &mut pair.triangles));
                 }
                 OtherSide::Shape(shape) => pair_with_shape(active, pair, shape, first.boxes),
             }

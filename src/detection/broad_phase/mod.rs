@@ -8,6 +8,7 @@ mod brute_force;
 mod custom;
 mod filter;
 mod patches;
+mod spatial_hash;
 mod tree;
 
 use bevy_app::prelude::*;
@@ -31,6 +32,7 @@ use crate::{
 
 pub use brute_force::BruteForceBroadPhasePlugin;
 pub use custom::{BoxSide, CandidateWriter, SurfaceBoxes};
+pub use spatial_hash::{HierarchicalSpatialHashBroadPhasePlugin, SpatialHashBroadPhasePlugin};
 pub use tree::TreeBroadPhasePlugin;
 pub(super) use tree::{MovedLeaves, Traversal, needed::Needed};
 
