@@ -135,7 +135,9 @@ impl Inners {
         let Self { slabs, between, volumes, of_bodies } = self;
         let moving = rows.moving();
         share(team, slabs, |part| part.bend(bodies, moving, step));
-        between.iter_mut().for_each(|part| part.bend(bodies, moving, step));
+        for part in &mut *between {
+            part.bend(bodies, moving, step);
+        }
         for (body, volume) in bodies.iter().zip(of_bodies) {
             if let &mut Some(volume) = volume {
                 volumes.solve(volume, rows, per_step(body.material.volume_compliance, step));
@@ -152,7 +154,9 @@ impl Inners {
 
     fn damp(&mut self, team: &dyn Team, bodies: &[SolverBody], rows: MovingRows<'_>, step: f64) {
         share(team, &mut self.slabs, |part| part.damp(bodies, rows, step));
-        self.between.iter().for_each(|part| part.damp(bodies, rows, step));
+        for part in &self.between {
+            part.damp(bodies, rows, step);
+        }
     }
 }
 

@@ -33,15 +33,20 @@ impl Slabs {
             .fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(low, high), point| (low.min(*point), high.max(*point)));
         let axis = (high - low).max_position();
         let per_bin = BINS as f64 / (high - low)[axis];
+        #[expect(clippy::cast_sign_loss, reason = "no coordinate is below the lowest")]
         let bin_of = |point: &DVec3| ((point[axis] - low[axis]) * per_bin).min(BINS as f64 - 1.0) as usize;
         let mut sizes = [0_usize; BINS];
-        points.iter().for_each(|point| sizes[bin_of(point)] += 1);
+        for point in points {
+            sizes[bin_of(point)] += 1;
+        }
         let (mut before, mut slabs) = (0, [0; BINS]);
         for (slab, size) in slabs.iter_mut().zip(sizes) {
             *slab = ((before + size / 2) * *count / points.len()) as u8;
             before += size;
         }
-        of_points.iter_mut().zip(points).for_each(|(slab, point)| *slab = slabs[bin_of(point)]);
+        for (slab, point) in of_points.iter_mut().zip(points) {
+            *slab = slabs[bin_of(point)];
+        }
     }
 
     /// The number of slabs.
