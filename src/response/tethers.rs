@@ -121,17 +121,20 @@ impl XpbdTethers {
 
     /// Tethers every vertex of a garment to the nearest place on a surface, at its present distance from it. `surface`
     /// has the positions and triangles of the surface that `entity` has, and `garment` the positions of the garment's
-    /// vertices, all in world space and in the pose in which the garment fits. `longest` and `backstop` are those of
-    /// every [`Tether`], and so count from where the garment fits, not from the surface: a garment that may come as near
-    /// as a clearance needs a backstop of the target's `height` less the clearance. A garment whose mesh is closed has to be [`TwoSided`](crate::Sidedness::TwoSided), or it is a solid
-    /// with the body inside. Vertices have no tether if a position is not finite, or if there are no triangles.
+    /// vertices, all in world space and in the pose in which the garment fits. `longest` is that of every [`Tether`].
+    /// `clearance` says how near to the surface vertices may come, in world units: their least height above the plane of
+    /// the triangle that they are tethered to; negative if they may be that far behind it, and −infinity for no limit.
+    /// It makes a [`backstop`](Tether::backstop) of the height at which the garment fits, less the clearance.
+    ///
+    /// A garment whose mesh is closed has to be [`TwoSided`](crate::Sidedness::TwoSided), or it is a solid with the body
+    /// inside. Vertices have no tether if a position is not finite, or if there are no triangles.
     #[must_use]
     pub fn to_surface(
         entity: Entity,
         (positions, triangles): (&[Vec3], &[[u32; 3]]),
         garment: &[Vec3],
         longest: f32,
-        backstop: f32,
+        clearance: f32,
     ) -> Self {
         let corners = |triangle: &[u32; 3]| -> Option<[DVec3; 3]> {
             let at = |vertex: u32| positions.get(vertex as usize).map(|at| at.as_dvec3());
@@ -154,7 +157,7 @@ impl XpbdTethers {
             let height = face_normal(&corners).dot(at - nearest) as f32;
             let barycentric = barycentric_of(&corners, nearest).map(|weight| weight as f32);
             let target = TetherTarget::Surface { entity, triangle, barycentric, height };
-            Some(Tether { vertex, target, longest, backstop })
+            Some(Tether { vertex, target, longest, backstop: height - clearance })
         });
         Self::new(tethers)
     }

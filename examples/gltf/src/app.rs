@@ -9,7 +9,7 @@ use bevy_app::{AnimationSystems, prelude::*};
 use bevy_asset::{AssetPlugin, AssetServer, Assets, Handle, LoadState};
 use bevy_circumsphere::{
     prelude::*,
-    response::{TetherTarget, XpbdBody, XpbdMaterial, XpbdResponsePlugin, XpbdTethers},
+    response::{XpbdBody, XpbdMaterial, XpbdResponsePlugin, XpbdTethers},
 };
 use bevy_ecs::prelude::*;
 use bevy_gltf::{Gltf, GltfPlugin};
@@ -139,7 +139,7 @@ fn dress(
     // An error would be one of the surface, which has been accepted.
     let Ok(body) = XpbdBody::new(cloth, positions, XpbdMaterial::CLOTH) else { return };
     let (at, skin) = (&positions.0, (skin, (&*skin_positions.0, surface.topology().triangles())));
-    let mut tethers = XpbdTethers::to_surface(skin.0, skin.1, at, f32::INFINITY, 0.0);
+    let mut tethers = XpbdTethers::to_surface(skin.0, skin.1, at, f32::INFINITY, CLEARANCE);
     let top = at.iter().map(|point| point.y).fold(f32::NEG_INFINITY, f32::max);
     for tether in &mut tethers.tethers {
         let below = top - at[tether.vertex.index()].y;
@@ -147,9 +147,6 @@ fn dress(
             (tether.longest, tether.backstop) = (0.0, f32::INFINITY);
         } else {
             tether.longest = LONGEST + LONGER * below;
-            if let TetherTarget::Surface { height, .. } = tether.target {
-                tether.backstop = height - CLEARANCE;
-            }
         }
     }
     commands.entity(garment).insert((body, tethers, SelfCollision, SweptCollision, WriteSurfaceToMesh::default()));

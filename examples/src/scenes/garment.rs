@@ -32,7 +32,7 @@ pub fn garment(variation: &Variation, recorder: Recorder) -> Scene {
     let skirt = character_skirt(rings, segments);
     let points = |positions: &[[f32; 3]]| positions.iter().copied().map(Vec3::from).collect::<Vec<_>>();
     let skin = (&*points(&character.rest().positions), &*character.rest().triangles);
-    let mut tethers = XpbdTethers::to_surface(body, skin, &points(&skirt.positions), f32::INFINITY, -CLEARANCE);
+    let mut tethers = XpbdTethers::to_surface(body, skin, &points(&skirt.positions), f32::INFINITY, CLEARANCE);
     let waist = character_waist_vertices(segments);
     for tether in &mut tethers.tethers {
         let vertex = tether.vertex.index();
