@@ -279,28 +279,20 @@ fn a_thousand_rollbacks_change_nothing() {
     let mut random = Random::new(28);
     let mut game = Game::new();
     let mut saved = vec![game.save()];
-    let mut rollbacks = 0;
-    while rollbacks < 1000 {
-        // Some ticks on, for the first time or again.
-        for _ in 0..=random.below(3) {
-            if game.tick == TICKS {
-                break;
-            }
+    for rollbacks in 0..1000 {
+        // First along the whole game, each time a few ticks back. Then to anywhere in it.
+        let furthest = saved.len() - 1;
+        let is_along = furthest < TICKS;
+        let back = if is_along { random.below(MOST_BACK + 1).min(furthest as u64) } else { random.below(TICKS as u64) };
+        game.go_back(&saved[furthest - back as usize], true);
+        let ahead = random.below(2) as usize + if is_along { back as usize } else { 1 };
+        for _ in 0..ahead.min(TICKS - game.tick) {
             let results = game.play();
             assert_same(&results, &expected[game.tick - 1], &format!("tick {}, {rollbacks} rollbacks", game.tick - 1));
-            saved.truncate(game.tick);
-            saved.push(game.save());
+            saved.splice(game.tick..(game.tick + 1).min(saved.len()), [game.save()]);
         }
-        // Mostly a little back, and at the end of the game anywhere.
-        let most = if game.tick == TICKS { TICKS as u64 } else { MOST_BACK };
-        let back = random.below(most.min(game.tick as u64) + 1) as usize;
-        game.go_back(&saved[game.tick - back], true);
-        rollbacks += 1;
     }
-    while game.tick < TICKS {
-        let results = game.play();
-        assert_same(&results, &expected[game.tick - 1], "at the end");
-    }
+    assert_eq!(saved.len(), TICKS + 1, "the whole game was played");
 }
 
 #[test]
