@@ -38,7 +38,7 @@ fn varied_scene(app: &mut App, method: ContactMethod) {
     let layers = |memberships, filters| SurfaceLayers { memberships, filters };
     spawn(app, &sheet(), (THIN, method, Called("sheet")));
     let smooth = (THIN, method, SurfaceShape::Smooth, SelfCollision);
-    spawn(app, &ball(), (smooth.clone(), Called("smooth ball"), at(0.1, 0.5, 0.2).with_scale(Vec3::splat(1.1))));
+    spawn(app, &ball(), (smooth, Called("smooth ball"), at(0.1, 0.5, 0.2).with_scale(Vec3::splat(1.1))));
     let ring = torus(0.8, 0.2, 16, 8);
     spawn(app, &ring, (smooth, Called("smooth ring"), at(0.3, 0.2, 0.0), layers(2, u32::MAX)));
     spawn(app, &ball(), (THIN, method, Called("on another layer"), at(0.2, 0.5, 0.2), layers(2, 2)));

@@ -70,18 +70,19 @@ mod tests {
 
     #[test]
     fn slabs_are_of_equal_size_and_do_not_mix() {
-        // 64 by 64 points, the first coordinate in a random order.
-        let points: Vec<DVec3> = (0..4096_u32)
-            .map(|point| DVec3::new(0.01 * f64::from(point * 37 % 64), 0.0, 0.005 * f64::from(point / 64)) + 1.0e3)
+        // 64 by 64 points, the columns in a random order.
+        let column = |place: u32| place * 37 % 64;
+        let points: Vec<DVec3> = (0..4096)
+            .map(|place| DVec3::new(0.01 * f64::from(column(place)), 0.0, 0.005 * f64::from(place / 64)) + 1.0e3)
             .collect();
         let mut slabs = Slabs::default();
         slabs.split(&points);
         assert_eq!(slabs.count(), 8);
         let mut sizes = [0; 8];
-        for (point, place) in points.iter().zip(0..) {
+        for place in 0..4096 {
             let slab = slabs.common([place].into_iter());
             sizes[slab] += 1;
-            assert_eq!(slab, ((point.x - 1.0e3) / 0.01).round() as usize / 8, "{point}");
+            assert_eq!(slab, column(place) as usize / 8, "{}", points[place as usize]);
         }
         assert_eq!(sizes, [512; 8]);
         assert_eq!(slabs.common([0, 64].into_iter()), slabs.common([0].into_iter()));
