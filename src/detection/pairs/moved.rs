@@ -4,6 +4,7 @@
 //! other's box is transformed. Two bodies that touch at a corner only pay for the corner, and a body in many pairs is
 //! not transformed as a whole for each of them.
 
+use arrayvec::ArrayVec;
 use glam::Vec3;
 
 use crate::{
@@ -94,8 +95,12 @@ impl TriangleMover<'_> {
 
     /// Transforms all triangles.
     pub(in crate::detection) fn move_all(&mut self, bounds: &mut Vec<(u32, Aabb)>) {
-        let all: Vec<u32> = (0..self.mesh.triangles.len() as u32).collect();
-        self.move_triangles(&all, bounds);
+        const AT_ONCE: usize = 256;
+        let all = 0..self.mesh.triangles.len() as u32;
+        for first in all.clone().step_by(AT_ONCE) {
+            let some: ArrayVec<u32, AT_ONCE> = (first..all.end).take(AT_ONCE).collect();
+            self.move_triangles(&some, bounds);
+        }
     }
 }
 
