@@ -1,8 +1,5 @@
 //! A block of the table: consecutive slots with their entries, and the pairs in their cells.
 
-#![expect(clippy::inline_always, reason = "only inlined code is compiled for the dispatched instruction set")]
-
-use fearless_simd::prelude::*;
 use glam::Vec3A;
 
 use super::{
@@ -64,8 +61,7 @@ impl Block {
 
     /// Finds the pairs in each cell that is not crowded, and sorts those that are. `is_visited`: whether boxes of other
     /// levels follow.
-    #[inline(always)]
-    pub(super) fn pair_cells<S: Simd>(&mut self, simd: S, boxes: &Boxes<'_>, is_visited: bool) {
+    pub(super) fn pair_cells(&mut self, boxes: &Boxes<'_>, is_visited: bool) {
         self.pairs.clear();
         self.crowds.clear();
         self.groups.clear();
@@ -89,7 +85,7 @@ impl Block {
                     let groups = self.groups.len();
                     let crowd = Crowd::new(cell, start, boxes, &mut self.groups);
                     if !crowd.is_sorted() {
-                        crowd.sweep(simd, 0..crowd.group_count(), &self.groups, boxes, &mut self.pairs);
+                        crowd.sweep(0..crowd.group_count(), &self.groups, boxes, &mut self.pairs);
                     }
                     if crowd.is_sorted() || is_visited {
                         self.crowds.push(crowd);
@@ -103,10 +99,8 @@ impl Block {
     }
 
     /// Appends the pairs that a box of a finer level forms with the boxes in a cell of this level.
-    #[inline(always)]
-    pub(super) fn visit<S: Simd>(
+    pub(super) fn visit(
         &self,
-        simd: S,
         slot: usize,
         (level, cell): (u8, Cell),
         visitor: (u32, &Aabb, u8),
@@ -120,7 +114,7 @@ impl Block {
             let to = entries.partition_point(|entry| entry.key() <= (level, cell));
             if to - from > FEW {
                 let place = self.crowds.partition_point(|crowd| crowd.entries < start + from);
-                return self.crowds[place].visit(simd, visitor, &self.groups, boxes, pairs);
+                return self.crowds[place].visit(visitor, &self.groups, boxes, pairs);
             }
             entries = &entries[from..to];
         }

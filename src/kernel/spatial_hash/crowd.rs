@@ -1,11 +1,8 @@
 //! Many boxes in one cell, and the list of large boxes: in groups of eight, sorted along an axis if there are many.
 
-#![expect(clippy::inline_always, reason = "only inlined code is compiled for the dispatched instruction set")]
-
 use std::ops::Range;
 
-use fearless_simd::{f32x8, prelude::*};
-use glam::Vec3;
+use glam::{Vec3, Vec4};
 
 use super::{boxes::Boxes, entries::Entry};
 use crate::kernel::{mesh::bounds::Aabb, simd::lanes::SetLanes};
@@ -53,13 +50,17 @@ impl Group {
 
     /// The boxes that overlap a box, in lanes. If the box has its lowest cell on some axes here, only those with which
     /// it counts here.
-    #[inline(always)]
-    fn meeting<S: Simd>(&self, simd: S, bounds: &Aabb, lowest: u8) -> u32 {
-        let lanes = |values: &[f32; WIDTH]| f32x8::from_slice(simd, values);
-        let on_axis = |axis: usize| {
-            lanes(&self.min[axis]).simd_le(bounds.max[axis]) & lanes(&self.max[axis]).simd_ge(bounds.min[axis])
+    #[inline]
+    fn meeting(&self, bounds: &Aabb, lowest: u8) -> u32 {
+        let in_half = |half: usize| {
+            let lanes = |values: &[f32; WIDTH]| Vec4::from_slice(&values[4 * half..]);
+            let on_axis = |axis: usize| {
+                lanes(&self.min[axis]).cmple(Vec4::splat(bounds.max[axis]))
+                    & lanes(&self.max[axis]).cmpge(Vec4::splat(bounds.min[axis]))
+            };
+            (on_axis(0) & on_axis(1) & on_axis(2)).bitmask()
         };
-        let overlapping = (on_axis(0) & on_axis(1) & on_axis(2)).to_bitmask() as u32;
+        let overlapping = in_half(0) | in_half(1) << 4;
         (0..3)
             .fold(overlapping, |lanes, axis| lanes & (self.lowest[axis] | u32::from(lowest >> axis & 1).wrapping_neg()))
     }
@@ -150,15 +151,7 @@ impl Crowd {
     }
 
     /// Appends the pairs that the boxes of some groups form with those that begin after them on the axis.
-    #[inline(always)]
-    pub(super) fn sweep<S: Simd>(
-        &self,
-        simd: S,
-        range: Range<usize>,
-        groups: &[Group],
-        boxes: &Boxes<'_>,
-        pairs: &mut Vec<[u32; 2]>,
-    ) {
+    pub(super) fn sweep(&self, range: Range<usize>, groups: &[Group], boxes: &Boxes<'_>, pairs: &mut Vec<[u32; 2]>) {
         let sides = [0, 1].map(|side| self.groups(side));
         for place in range.start + self.groups..range.end + self.groups {
             let side = usize::from(place >= sides[1].start);
@@ -170,7 +163,7 @@ impl Crowd {
             for lane in 0..(self.counts[side] - WIDTH * (place - sides[side].start)).min(WIDTH) {
                 let (item, bounds, lowest) = groups[place].get(lane);
                 if boxes.is_own() {
-                    let later = groups[place].meeting(simd, &bounds, lowest) & (!0 << (lane + 1));
+                    let later = groups[place].meeting(&bounds, lowest) & (!0 << (lane + 1));
                     push(item, later, &groups[place], boxes, pairs);
                 }
                 let begin = self.axis.map(|axis| bounds.min[axis]);
@@ -183,9 +176,9 @@ impl Crowd {
                     None => 0,
                 };
                 for other in others[from.min(others.len())..].iter().take_while(|other| other.begin <= end) {
-                    let mut met = other.meeting(simd, &bounds, lowest);
+                    let mut met = other.meeting(&bounds, lowest);
                     if !boxes.is_own() && met != 0 {
-                        met &= self.later_lanes(simd, begin, side, other);
+                        met &= self.later_lanes(begin, side, other);
                     }
                     push(item, met, other, boxes, pairs);
                 }
@@ -195,19 +188,15 @@ impl Crowd {
 
     /// The boxes of a group that a box of the other list finds, if they are sorted: those that begin after it. Of two
     /// that begin at the same coordinate, that of the first list finds the other.
-    #[inline(always)]
-    fn later_lanes<S: Simd>(&self, simd: S, begin: Option<f32>, side: usize, other: &Group) -> u32 {
+    fn later_lanes(&self, begin: Option<f32>, side: usize, other: &Group) -> u32 {
         let (Some(axis), Some(begin)) = (self.axis, begin) else { return !0 };
-        let begins = f32x8::from_slice(simd, &other.min[axis]);
-        let later = if side == 0 { begins.simd_ge(begin) } else { begins.simd_gt(begin) };
-        later.to_bitmask() as u32
+        let later = other.min[axis].map(|other| if side == 0 { other >= begin } else { other > begin });
+        (0..WIDTH).fold(0, |lanes, lane| lanes | u32::from(later[lane]) << lane)
     }
 
     /// Appends the pairs that a box which is not in the crowd forms with its boxes. `lowest` is the box's, in this cell.
-    #[inline(always)]
-    pub(super) fn visit<S: Simd>(
+    pub(super) fn visit(
         &self,
-        simd: S,
         (item, bounds, lowest): (u32, &Aabb, u8),
         groups: &[Group],
         boxes: &Boxes<'_>,
@@ -221,12 +210,12 @@ impl Crowd {
         };
         let from = groups.partition_point(|group| group.reach < begin);
         for group in groups[from..].iter().take_while(|group| group.begin <= end) {
-            push(item, group.meeting(simd, bounds, lowest), group, boxes, pairs);
+            push(item, group.meeting(bounds, lowest), group, boxes, pairs);
         }
     }
 }
 
-#[inline(always)]
+#[inline]
 fn push(item: u32, lanes: u32, group: &Group, boxes: &Boxes<'_>, pairs: &mut Vec<[u32; 2]>) {
     pairs.extend(SetLanes(lanes).map(|lane| boxes.pair(item, group.items[lane])));
 }

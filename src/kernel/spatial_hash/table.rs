@@ -1,10 +1,6 @@
 //! The table of a spatial hash: filled in parts, paired in blocks.
 
-#![expect(clippy::inline_always, reason = "only inlined code is compiled for the dispatched instruction set")]
-
 use std::ops::Range;
-
-use fearless_simd::{Level, dispatch, prelude::*};
 
 use super::{
     block::Block,
@@ -159,7 +155,7 @@ impl SpatialHash {
         let parts = &*parts;
         parallel.run_tasks(blocks.iter_mut().enumerate(), threads, |(number, block)| {
             block.fill(number, parts, slots);
-            dispatch!(Level::new(), simd => block.pair_cells(simd, &boxes, is_visited));
+            block.pair_cells(&boxes, is_visited);
         });
         let blocks = &*blocks;
 
@@ -182,7 +178,7 @@ impl SpatialHash {
         let jobs = self.jobs.iter().zip(&mut self.found);
         parallel.run_tasks(jobs, threads, |(job, found)| {
             found.clear();
-            dispatch!(Level::new(), simd => table.work(simd, *job, found));
+            table.work(*job, found);
         });
         let found = &self.found[..self.jobs.len()];
         let lists = || blocks.iter().map(|block| &block.pairs).chain(found);
@@ -239,8 +235,7 @@ impl Table<'_> {
         jobs.extend(visiting.map(|part| Job::Visit { part }));
     }
 
-    #[inline(always)]
-    fn work<S: Simd>(&self, simd: S, job: Job, pairs: &mut Vec<[u32; 2]>) {
+    fn work(&self, job: Job, pairs: &mut Vec<[u32; 2]>) {
         match job {
             Job::Sweep { block, crowd, start } => {
                 let (crowd, groups) = match block.map(|block| &self.blocks[block]) {
@@ -248,15 +243,14 @@ impl Table<'_> {
                     None => (self.large_crowd, self.large_groups),
                 };
                 let range: Range<usize> = start..(start + SWEPT_AT_ONCE).min(crowd.group_count());
-                crowd.sweep(simd, range, groups, &self.boxes, pairs);
+                crowd.sweep(range, groups, &self.boxes, pairs);
             }
-            Job::Visit { part } => self.visit(simd, &self.parts[part], pairs),
+            Job::Visit { part } => self.visit(&self.parts[part], pairs),
         }
     }
 
     /// Appends the pairs that the boxes of a part form with boxes of coarser levels, and with large boxes.
-    #[inline(always)]
-    fn visit<S: Simd>(&self, simd: S, part: &Part, pairs: &mut Vec<[u32; 2]>) {
+    fn visit(&self, part: &Part, pairs: &mut Vec<[u32; 2]>) {
         for (item, place) in part.items.clone().zip(&part.places) {
             let Place::Level(own) = *place else { continue };
             let item = item as u32;
@@ -266,10 +260,10 @@ impl Table<'_> {
                 for (cell, lowest) in cells_between(self.grids.cells(level, bounds)) {
                     let (block, slot) = self.slots.place(self.slots.slot(hash(cell, level)));
                     let visitor = (item, bounds, lowest);
-                    self.blocks[block].visit(simd, slot, (level, cell), visitor, &self.boxes, pairs);
+                    self.blocks[block].visit(slot, (level, cell), visitor, &self.boxes, pairs);
                 }
             }
-            self.large_crowd.visit(simd, (item, bounds, ALL_AXES), self.large_groups, &self.boxes, pairs);
+            self.large_crowd.visit((item, bounds, ALL_AXES), self.large_groups, &self.boxes, pairs);
         }
     }
 }
