@@ -8,13 +8,13 @@ use std::{
     },
 };
 
-use bevy_circumsphere::{ContactStore, detection::DetectionDiagnostics, prelude::*, response::*};
+use bevy_circumsphere::{ContactStore, detection::DetectionDiagnostics, prelude::*};
 use bevy_ecs::prelude::*;
 use bevy_transform::components::Transform;
 use circumsphere_support::scenes::{Diagonals, crumpled_sheet, grid, icosphere};
 use glam::Vec3;
 
-use crate::world::{World, surface};
+use crate::world::World;
 
 /// A pair as the filter sees it, and whether it may touch.
 type Asked = (CandidatePair, bool);
@@ -136,15 +136,9 @@ fn what_does_not_change_is_not_asked_about_until_the_filter_changes() {
 fn sweeps_and_the_guard_ask_the_filter() {
     for refuses in [false, true] {
         let mut world = World::responding();
-        world.app.world_mut().resource_mut::<XpbdSettings>().gravity = Vec3::ZERO;
         let thin = SurfaceThickness::World(0.01);
         let floor = world.spawn(&grid(2, 2, 4.0, 4.0, Diagonals::Uniform), (thin, SurfaceOrder(2)));
-        let (surface, positions) = surface(&grid(1, 1, 1.0, 1.0, Diagonals::Uniform).translate([0.1, 0.5, 0.2]));
-        let material = XpbdMaterial { drag: 0.0, ..XpbdMaterial::CLOTH };
-        let mut body = XpbdBody::new(&surface, &positions, material).expect("the mesh can be a body");
-        body.velocities.fill(Vec3::NEG_Y * 60.0);
-        let extra = (thin, SweptCollision, SurfaceOrder(5));
-        let falling = world.app.world_mut().spawn((surface, positions, body, extra)).id();
+        let falling = world.shoot_down((thin, SurfaceOrder(5)));
         if refuses {
             // The sides come in the order of contacts, whatever the guard calls first.
             world.app.insert_resource(ContactFilter::new(move |pair| {
@@ -159,7 +153,7 @@ fn sweeps_and_the_guard_ask_the_filter() {
             .world_mut()
             .run_system_cached(|impacts: SurfaceImpacts| impacts.iter().count())
             .expect("the system runs");
-        let height = world.app.world().get::<SurfacePositions>(falling).expect("it is a surface").0[0].y;
+        let height = world.height(falling);
         assert_eq!(height < 0.0, refuses, "it is at {height}");
         assert!(impacts == 0 || !refuses);
     }

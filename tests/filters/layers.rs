@@ -237,20 +237,15 @@ fn a_collar_stays_in_its_neck() {
 fn the_guard_lets_triangles_pass_whose_layers_do_not_meet() {
     for passes in [false, true] {
         let mut world = World::responding();
-        world.app.world_mut().resource_mut::<XpbdSettings>().gravity = Vec3::ZERO;
         let thin = SurfaceThickness::World(0.01);
         let floor = world.spawn(&grid(2, 2, 4.0, 4.0, Diagonals::Uniform), thin);
         if passes {
             let none = SurfaceLayers { memberships: 1, filters: 2 };
             world.insert(floor, TriangleLayers::new(vec![none; 8]));
         }
-        let (surface, positions) = surface(&grid(1, 1, 1.0, 1.0, Diagonals::Uniform).translate([0.1, 0.5, 0.2]));
-        let material = XpbdMaterial { drag: 0.0, ..XpbdMaterial::CLOTH };
-        let mut body = XpbdBody::new(&surface, &positions, material).expect("the mesh can be a body");
-        body.velocities.fill(Vec3::NEG_Y * 60.0);
-        let falling = world.app.world_mut().spawn((surface, positions, body, thin, SweptCollision)).id();
+        let falling = world.shoot_down(thin);
         world.tick();
-        let height = world.app.world().get::<SurfacePositions>(falling).expect("it is a surface").0[0].y;
+        let height = world.height(falling);
         assert_eq!(height < 0.0, passes, "it is at {height}");
     }
 }
