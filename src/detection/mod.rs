@@ -16,7 +16,6 @@ mod sides;
 mod spheres;
 mod state;
 mod swept;
-
 mod team;
 mod tetrahedra;
 

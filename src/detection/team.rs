@@ -29,7 +29,7 @@ type Work<'a> = dyn Fn(usize) + Sync + 'a;
 
 struct SpinningTeam {
     size: usize,
-    /// The parts of the job that nobody has begun, one bit each.
+    /// The parts of the job that are left to begin, one bit each.
     left: AtomicU32,
     /// The number of parts that others than the leader have finished.
     finished: AtomicUsize,
@@ -41,7 +41,7 @@ struct SpinningTeam {
 // begun a part, which the leader waits for before it writes again. The job may be called from any thread.
 unsafe impl Sync for SpinningTeam {}
 
-/// Counts a part as finished, even if it panics: nobody would wait for it in vain.
+/// Counts a part as finished, even if it panics. Otherwise the leader would wait forever.
 struct Part<'a>(&'a AtomicUsize);
 
 impl Drop for Part<'_> {
@@ -82,7 +82,7 @@ impl SpinningTeam {
         Self { size, left: AtomicU32::new(0), finished: AtomicUsize::new(0), work: UnsafeCell::new(None) }
     }
 
-    /// Begins a part of the job. Returns `false` if somebody else has.
+    /// Begins a part of the job. Returns `false` if it is not left.
     fn begin(&self, part: usize) -> bool {
         let bit = 1 << part;
         self.left.load(Ordering::Acquire) & bit != 0 && self.left.fetch_and(!bit, Ordering::AcqRel) & bit != 0
@@ -113,10 +113,10 @@ impl Team for SpinningTeam {
 
     fn run(&self, work: &Work<'_>) {
         #[expect(clippy::transmute_ptr_to_ptr, reason = "a cast cannot change the lifetime of a trait object")]
-        // SAFETY: only the lifetime changes. This call does not return, nor unwind, before all parts are finished, and
-        // nobody reads the job without a part.
+        // SAFETY: only the lifetime changes. All parts are finished before this call returns or unwinds, and the job is
+        // read only to do a part of it.
         let shared = unsafe { std::mem::transmute::<*const Work<'_>, *const Work<'static>>(work) };
-        // SAFETY: no part of the last job is left or unfinished, so nobody reads this.
+        // SAFETY: all parts of the last job are finished, so no other thread reads this.
         unsafe { *self.work.get() = Some(shared) };
         self.finished.store(0, Ordering::Relaxed);
         self.left.store((1 << self.size) - 2, Ordering::Release);

@@ -96,14 +96,17 @@ pub struct SolverContacts {
 impl SolverContacts {
     /// Forgets all contacts, and splits the space between the particles of all bodies.
     pub fn begin(&mut self, particles: &Particles) {
-        let Self { slabs, in_slabs, between } = self;
-        slabs.split(&particles.start);
-        in_slabs.resize_with(slabs.count(), Lists::default);
-        in_slabs.as_flattened_mut().iter_mut().chain(between).for_each(|list| list.found.clear());
+        self.slabs.split(&particles.start);
+        self.in_slabs.resize_with(self.slabs.count(), Lists::default);
+        self.lists_mut().for_each(|list| list.found.clear());
     }
 
     fn lists(&self) -> impl Iterator<Item = &List> {
         self.in_slabs.as_flattened().iter().chain(&self.between)
+    }
+
+    fn lists_mut(&mut self) -> impl Iterator<Item = &mut List> {
+        self.in_slabs.as_flattened_mut().iter_mut().chain(&mut self.between)
     }
 
     /// Calls `work` with every list, in any order.
@@ -200,16 +203,13 @@ impl SolverContacts {
 
     /// Calls `add` with the number of every reaction, and with the sum of the contact's multipliers in all substeps.
     pub fn reactions(&mut self, mut add: impl FnMut(u32, DVec3)) {
-        let Self { in_slabs, between, .. } = self;
-        let lists = in_slabs.as_flattened_mut().iter_mut().chain(between);
-        lists.for_each(|list| list.colored.reactions(&mut add));
+        self.lists_mut().for_each(|list| list.colored.reactions(&mut add));
     }
 
     /// The number of contacts that may act in this substep, and of those that press.
     #[must_use]
     pub fn counts(&mut self) -> [usize; 2] {
-        let Self { in_slabs, between, .. } = self;
-        let counts = in_slabs.as_flattened_mut().iter_mut().chain(between).map(|list| list.colored.counts());
+        let counts = self.lists_mut().map(|list| list.colored.counts());
         counts.fold([0; 2], |[acting, pressing], [a, p]| [acting + a, pressing + p])
     }
 }
