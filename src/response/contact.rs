@@ -7,7 +7,7 @@ use super::particles::Particles;
 use crate::kernel::{
     simd::parallel::{Team, share},
     xpbd::{
-        Contact, Contacts, Evaluation, FeatureKind, FeatureParticles, FoundContacts, MovingRows, Plane, Slabs,
+        At, Contact, Contacts, Evaluation, FeatureKind, FeatureParticles, FoundContacts, MovingRows, Plane, Slabs,
         coloring::{Coloring, NONE},
     },
 };
@@ -133,24 +133,25 @@ impl SolverContacts {
     }
 
     /// Adds a contact between particles that exist already.
-    pub fn push(&mut self, constraint: ContactConstraint, particles: &Particles) {
+    pub fn push(&mut self, constraint: &ContactConstraint, particles: &Particles) {
         let kind = if constraint.is_on_firm_ground(particles) { FIRM } else { LOOSE };
         let slab = self.slabs.common(constraint.parts.particles());
         let found = &mut self.in_slabs.get_mut(slab).unwrap_or(&mut self.between)[kind].found;
-        let (contact, features) = constraint.split();
         let is_free = |particle: u32| particles.is_free(particle);
-        match features {
+        match &constraint.parts {
             Features::VertexFace(parts) => {
-                found.push_features(FeatureKind::VertexFace, contact.between(parts), is_free);
+                found.push_features(FeatureKind::VertexFace, constraint.between(*parts), is_free);
             }
-            Features::EdgeEdge(parts) => found.push_features(FeatureKind::EdgeEdge, contact.between(parts), is_free),
-            Features::Plane { particles: entries, offset } => {
+            Features::EdgeEdge(parts) => {
+                found.push_features(FeatureKind::EdgeEdge, constraint.between(*parts), is_free);
+            }
+            &Features::Plane { particles: ref entries, offset } => {
                 let mut parts =
                     Plane { particles: [NONE; 6], weights: [0.0; 6], drive: DVec3::ZERO, separation: offset };
                 let mut count = 0;
-                for (particle, weight) in entries {
+                for &(particle, weight) in entries {
                     let (start, end) = (particles.start[particle as usize], particles.end[particle as usize]);
-                    parts.separation += contact.normal.dot(start * weight);
+                    parts.separation += constraint.normal.dot(start * weight);
                     if is_free(particle) {
                         (parts.particles[count], parts.weights[count]) = (particle, weight);
                         count += 1;
@@ -158,17 +159,22 @@ impl SolverContacts {
                         parts.drive += (end - start) * weight;
                     }
                 }
-                found.push_plane(contact.between(parts));
+                found.push_plane(&constraint.between(parts));
             }
         }
     }
 
     /// Begins a solution.
-    pub fn begin_solution(&mut self, team: &dyn Team, particles: &Particles) {
+    pub fn begin_solution(&mut self, team: &dyn Team, particles: &Particles, rows: MovingRows<'_>) {
+        self.lists_mut().for_each(|list| list.colored.clear());
+        self.extend(team, particles, rows, 0.0);
+    }
+
+    /// Takes over the contacts that have been added since the solution began, when `share` of the tick has passed.
+    pub fn extend(&mut self, team: &dyn Team, particles: &Particles, rows: MovingRows<'_>, share: f32) {
         let is_free = |particle: u32| particles.is_free(particle);
-        self.for_each(team, |List { found, colored, coloring }| {
-            colored.begin(found, &particles.start, is_free, coloring);
-        });
+        let at = At { start: &particles.start, rows, share };
+        self.for_each(team, |List { found, colored, coloring }| colored.extend(found, is_free, coloring, &at));
     }
 
     /// Evaluates all contacts at the unconstrained positions of a substep, and pushes by a share of the last push.

@@ -13,6 +13,7 @@ use bevy_ecs::{entity::EntityHashMap, prelude::*};
 use bevy_platform::collections::HashSet;
 use glam::{DVec3, Vec3};
 
+use self::watch::Unwatched;
 pub(super) use self::watch::Watch;
 use super::{
     body::XpbdBody,
@@ -80,10 +81,14 @@ pub(super) struct Gatherer {
     known: HashSet<Features4>,
     /// How far each particle would move in the tick if nothing pushed it, for contacts of bodies.
     ahead: Vec<Vec3>,
-    /// Whether each contact of the current pair may act.
-    may_act: Vec<bool>,
-    /// The contacts that are not watched: the pair, and the place in it.
-    unwatched: Vec<[u32; 2]>,
+    /// When each contact of the current pair is due.
+    due: Vec<u32>,
+    /// Whether each of those particles has been pushed.
+    pushed: Vec<bool>,
+    /// The least contact distance of all pairs.
+    least_distance: f64,
+    /// The contacts that are not watched.
+    unwatched: Vec<Unwatched>,
     /// The particles of all triangles that cross in the current pair.
     tangled: HashSet<u32>,
     /// Unit vector along which the first side of the current pair moves back against the second, if a part of either is
@@ -168,11 +173,13 @@ impl Gatherer {
         self.bodies.get(&entity).copied()
     }
 
-    /// Makes constraints of all contacts with a body on at least one side.
+    /// Makes constraints of those contacts with a body on at least one side that may act soon.
     pub(super) fn add_contacts(&mut self, solver: &mut Solver, scene: &Scene<'_, '_>, watch: Watch) {
         self.look_ahead(&solver.particles, watch);
         self.known.clear();
         self.unwatched.clear();
+        let distances = scene.store.pairs.iter().map(|pair| f64::from(pair.contact_distance));
+        self.least_distance = distances.fold(f64::INFINITY, f64::min);
         for (pair_place, pair) in (0..).zip(&scene.store.pairs) {
             let sides = self.sides(pair);
             if !sides.iter().any(|side| matches!(side, Side::Body { .. })) {
@@ -180,15 +187,15 @@ impl Gatherer {
             }
             let friction = scene.friction(pair.a.entity(), pair.b.entity());
             self.find_tangled(&mut solver.particles, scene, pair);
-            let may_act = self.watch(scene, pair, sides, watch);
-            for ((place, record), &may_act) in (0..).zip(pair.contacts.iter()).zip(&may_act) {
-                if may_act {
+            let due = self.watch(scene, pair, sides, watch);
+            for ((place, record), &due) in (0..).zip(pair.contacts.iter()).zip(&due) {
+                if due == 0 {
                     self.add_contact(solver, scene, pair, sides, record, friction);
                 } else {
-                    self.unwatched.push([pair_place, place]);
+                    self.unwatched.push(Unwatched { pair: pair_place, place, due });
                 }
             }
-            self.may_act = may_act;
+            self.due = due;
         }
     }
 
@@ -204,11 +211,14 @@ impl Gatherer {
         friction: [f64; 2],
     ) {
         let constraint = self.constraint(&mut solver.particles, scene, pair, sides, record, friction);
-        let Some(mut constraint) = constraint.filter(|constraint| self.is_new(&constraint.parts)) else { return };
+        let Some(mut constraint) = constraint else { return };
+        if !self.is_new(&constraint.parts) {
+            return;
+        }
         let entities = [pair.a.entity(), pair.b.entity()];
-        let point = pair.frame_pose.transform_point(record.point_b.as_dvec3());
+        let point = || pair.frame_pose.transform_point(record.point_b.as_dvec3());
         self.ask_reaction(&mut constraint, scene, entities, point, &solver.particles);
-        solver.contacts.push(constraint, &solver.particles);
+        solver.contacts.push(&constraint, &solver.particles);
     }
 
     /// Asks for the impulse of a contact between two entities at a point, if one of them is not a body and wants it.
@@ -217,12 +227,12 @@ impl Gatherer {
         constraint: &mut ContactConstraint,
         scene: &Scene<'_, '_>,
         entities: [Entity; 2],
-        point: DVec3,
+        point: impl FnOnce() -> DVec3,
         particles: &Particles,
     ) {
         let wants = |entity: &Entity| scene.wants_reaction(*entity) && !self.bodies.contains_key(entity);
         if let Some(entity) = entities.into_iter().find(wants) {
-            constraint.reaction = self.reactions.number(entity, point, constraint.is_first_driven(particles));
+            constraint.reaction = self.reactions.number(entity, point(), constraint.is_first_driven(particles));
         }
     }
 
@@ -285,9 +295,9 @@ impl Gatherer {
         let mut constraint =
             ContactConstraint { parts: features, normal, distance, friction, reaction: NO_REACTION, recovers: false };
         let at = |particle: u32| solver.particles.start[particle as usize];
-        let point = (0..3).map(|corner| at(corners_a[corner]) * found.barycentrics[0][corner]).sum();
+        let point = || (0..3).map(|corner| at(corners_a[corner]) * found.barycentrics[0][corner]).sum();
         self.ask_reaction(&mut constraint, scene, [a.entity, b.entity], point, &solver.particles);
-        solver.contacts.push(constraint, &solver.particles);
+        solver.contacts.push(&constraint, &solver.particles);
         true
     }
 

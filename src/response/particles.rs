@@ -71,11 +71,20 @@ impl Particles {
 
     /// Begins a tick.
     pub fn begin(&self, rows: &mut ParticleRows) {
-        rows.begin((0..self.len()).map(|particle| Placed {
+        rows.begin((0..self.len()).map(|particle| self.placed(particle)));
+    }
+
+    /// Adds the particles that have been appended since, when `share` of the tick has passed.
+    pub fn extend(&self, rows: &mut ParticleRows, share: f32) {
+        rows.extend((rows.count()..self.len()).map(|particle| self.placed(particle)), share);
+    }
+
+    fn placed(&self, particle: usize) -> Placed {
+        Placed {
             way: self.end[particle] - self.start[particle],
             velocity: self.velocity[particle],
             inverse_mass: self.inverse_mass[particle],
-        }));
+        }
     }
 
     /// Ends a tick.

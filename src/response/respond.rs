@@ -339,19 +339,22 @@ fn respond(
     refused.extend(diagnostics.refused.iter().map(|&(entity, _)| entity));
     solver.contacts.begin(&solver.particles);
     diagnostics.inside = gatherer.lead_out(solver, &scene);
-    gatherer.add_contacts(solver, &scene, Watch { duration, fall: f64::from(*fall) });
+    let watch = Watch { duration, substeps: settings.substeps, fall: f64::from(*fall) };
+    gatherer.add_contacts(solver, &scene, watch);
     diagnostics.bodies = moved.len();
     diagnostics.gathering += start.stop();
     let start = StageWatch::start("solve");
     let threads = scene.threads();
     solver.begin();
-    let mut solved = solver.advance(threads, duration, &settings);
+    let mut solved = solver.advance(threads, duration, &settings, &mut |solver, substep| {
+        gatherer.add_due(solver, &scene, watch, substep)
+    });
     for _ in 0..MOST_MISSED {
         if !gatherer.add_missed(solver, &scene) {
             break;
         }
         solver.begin_again();
-        solved = solver.advance(threads, duration, &settings);
+        solved = solver.advance(threads, duration, &settings, &mut |_, _| false);
         diagnostics.solved_again += 1;
     }
     diagnostics.contacts = solver.contacts.len();
@@ -372,7 +375,7 @@ fn respond(
         }
         solutions += 1;
         solver.begin_again();
-        solved_again = solver.advance(threads, duration, &settings);
+        solved_again = solver.advance(threads, duration, &settings, &mut |_, _| false);
         solver.follow_welds();
         met = guard.look_again(&solver.particles, &scene, gatherer);
     }

@@ -170,11 +170,14 @@ pub(super) struct Solver {
     pub(super) forces: Vec<(u32, Vec3)>,
     tethers: Tethers,
     winds: Winds,
-    rows: ParticleRows,
+    pub(super) rows: ParticleRows,
     inners: Inners,
     /// Velocities at the beginning of the tick.
     first_velocities: Vec<DVec3>,
 }
+
+/// Adds contacts before a substep, which is given, counted from 1. Returns whether there are any.
+pub(super) type AddContacts<'a> = &'a mut dyn FnMut(&mut Solver, u32) -> bool;
 
 /// What one call of [`Solver::advance`] did.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -222,24 +225,42 @@ impl Solver {
         velocity[..self.first_velocities.len()].copy_from_slice(&self.first_velocities);
     }
 
-    /// Advances all particles by `duration` seconds, which must be more than 0. The result is the same for any number of
+    /// Advances all particles by `duration` seconds, which must be more than 0. `add_contacts` may add contacts before
+    /// every substep but the first. The result is the same for any number of
     /// threads.
-    pub(super) fn advance(&mut self, threads: Threads, duration: f64, settings: &XpbdSettings) -> Solved {
+    pub(super) fn advance(
+        &mut self,
+        threads: Threads,
+        duration: f64,
+        settings: &XpbdSettings,
+        add_contacts: AddContacts<'_>,
+    ) -> Solved {
         if self.particles.len() < LEAST_SHARED {
-            return self.advance_on(&Sequential, duration, settings);
+            return self.advance_on(&Sequential, duration, settings, add_contacts);
         }
         let mut solved = Solved::default();
-        threads.with_team(&mut |team| solved = self.advance_on(team, duration, settings));
+        threads.with_team(&mut |team| solved = self.advance_on(team, duration, settings, add_contacts));
         solved
     }
 
-    fn advance_on(&mut self, team: &dyn Team, duration: f64, settings: &XpbdSettings) -> Solved {
-        let Self { particles, bodies, contacts, forces, tethers, winds, rows, inners, .. } = self;
+    fn advance_on(
+        &mut self,
+        team: &dyn Team,
+        duration: f64,
+        settings: &XpbdSettings,
+        add_contacts: AddContacts<'_>,
+    ) -> Solved {
         let step = duration / f64::from(settings.substeps);
         let mut solved = Solved::default();
-        particles.begin(rows);
-        contacts.begin_solution(team, particles);
+        self.particles.begin(&mut self.rows);
+        self.contacts.begin_solution(team, &self.particles, self.rows.moving());
         for substep in 1..=settings.substeps {
+            if substep > 1 && add_contacts(self, substep) {
+                let passed = (f64::from(substep - 1) / f64::from(settings.substeps)) as f32;
+                self.particles.extend(&mut self.rows, passed);
+                self.contacts.extend(team, &self.particles, self.rows.moving(), passed);
+            }
+            let Self { bodies, contacts, forces, tethers, winds, rows, inners, .. } = self;
             for body in &*bodies {
                 let kept = (1.0 - f64::from(body.material.drag) * step).max(0.0);
                 rows.slow_down(body.first, body.topology.vertex_count(), kept as f32);
@@ -265,7 +286,7 @@ impl Solver {
             solved.contact_solves += acting * settings.iterations as usize;
             solved.pressing = pressing;
         }
-        particles.take(rows);
+        self.particles.take(&self.rows);
         solved
     }
 

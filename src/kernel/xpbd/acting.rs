@@ -63,7 +63,7 @@ pub(super) struct Common {
     pub(super) normal: VectorRows,
     pub(super) distance: [f32; WIDTH],
     friction: [[f32; WIDTH]; 2],
-    /// Separation at the end of the last substep, or when the tick began.
+    /// Separation at the end of the last substep, or when the contact was found.
     pub(super) left: [f32; WIDTH],
     /// Normal multiplier in the last substep.
     pub(super) pressed: [f32; WIDTH],
@@ -127,7 +127,7 @@ pub(super) fn zero<S: Simd>(simd: S) -> VectorLanes<S> {
 }
 
 #[inline(always)]
-fn weighted_sum<const N: usize, S: Simd>(
+pub(super) fn weighted_sum<const N: usize, S: Simd>(
     simd: S,
     vectors: &[Gathered<S>; N],
     weights: &[f32x8<S>; N],

@@ -12,7 +12,7 @@ use fearless_simd::{Level, dispatch, f32x8, prelude::*};
 use glam::DVec3;
 
 use super::{
-    acting::{ActingBlock, Common, Driven, Evaluation, Free, SHALLOW, gather_all, load_all, zero},
+    acting::{ActingBlock, Common, Driven, Evaluation, Free, SHALLOW, gather_all, load_all, weighted_sum, zero},
     coloring::{Block, Coloring, NONE, in_order, lanes_of},
     features::{FeatureKind, Meeting, edge_edge, vertex_face},
     rows::{MovingRows, NOBODY, Places, row_of, set_lane},
@@ -53,17 +53,9 @@ pub struct Plane<const N: usize> {
 }
 
 impl<P> Contact<P> {
-    /// The contact without what it is between, and that.
-    pub(crate) fn split(self) -> (Contact<()>, P) {
-        let Self { parts, normal, distance, friction, reaction, recovers } = self;
-        (Contact { parts: (), normal, distance, friction, reaction, recovers }, parts)
-    }
-}
-
-impl Contact<()> {
-    /// The same between something.
-    pub(crate) fn between<P>(self, parts: P) -> Contact<P> {
-        let Self { parts: (), normal, distance, friction, reaction, recovers } = self;
+    /// The same between something else.
+    pub(crate) const fn between<Q>(&self, parts: Q) -> Contact<Q> {
+        let &Self { normal, distance, friction, reaction, recovers, .. } = self;
         Contact { parts, normal, distance, friction, reaction, recovers }
     }
 }
@@ -71,11 +63,11 @@ impl Contact<()> {
 impl Contact<Plane<6>> {
     /// The same with fewer particles, if that is all it has.
     pub(super) fn narrowed<const N: usize>(&self) -> Option<Contact<Plane<N>>> {
-        let (contact, Plane { particles, weights, drive, separation }) = self.split();
+        let Plane { particles, weights, drive, separation } = &self.parts;
         let (particles, rest) = particles.split_first_chunk()?;
         let (weights, _) = weights.split_first_chunk()?;
-        let parts = Plane { particles: *particles, weights: *weights, drive, separation };
-        rest.iter().all(|&particle| particle == NONE).then_some(contact.between(parts))
+        let parts = Plane { particles: *particles, weights: *weights, drive: *drive, separation: *separation };
+        rest.iter().all(|&particle| particle == NONE).then(|| self.between(parts))
     }
 }
 
@@ -92,8 +84,8 @@ pub(super) trait ContactBlock<const N: usize>: Sized {
 
     fn common(&mut self) -> &mut Common;
 
-    /// Evaluates the contacts at the beginning of a tick.
-    fn begin_tick<S: Simd>(&mut self, simd: S);
+    /// Evaluates the contacts where their particles are, when `share` of the tick has passed.
+    fn begin<S: Simd>(&mut self, simd: S, rows: MovingRows<'_>, share: f32);
 
     /// Evaluates the contacts at the unconstrained positions of a substep. `None` if none of them may act.
     fn begin_step<S: Simd>(
@@ -103,6 +95,16 @@ pub(super) trait ContactBlock<const N: usize>: Sized {
         rows: MovingRows<'_>,
         evaluation: Evaluation,
     ) -> Option<ActingBlock<N>>;
+}
+
+/// Where particles are when contacts are taken over.
+pub struct At<'a> {
+    /// Positions at the beginning of the tick.
+    pub start: &'a [DVec3],
+    /// Displacements since then.
+    pub rows: MovingRows<'a>,
+    /// Share of the tick that has passed.
+    pub share: f32,
 }
 
 /// A list of contacts of any kind.
@@ -133,6 +135,8 @@ pub(super) trait ContactList {
 #[derive(Debug)]
 pub(super) struct ContactBlocks<B, const N: usize> {
     blocks: Vec<B>,
+    /// The number of contacts in them.
+    count: usize,
     /// The end of each batch among the blocks.
     batches: Vec<usize>,
     acting: Vec<ActingBlock<N>>,
@@ -145,6 +149,7 @@ impl<B, const N: usize> Default for ContactBlocks<B, N> {
     fn default() -> Self {
         Self {
             blocks: Vec::new(),
+            count: 0,
             batches: Vec::new(),
             acting: Vec::new(),
             acting_batches: Vec::new(),
@@ -154,26 +159,31 @@ impl<B, const N: usize> Default for ContactBlocks<B, N> {
 }
 
 impl<B: ContactBlock<N>, const N: usize> ContactBlocks<B, N> {
-    /// Begins a tick with these contacts, in batches that end at `ends`. Particles are at `start`, and constraints move
-    /// those that `is_free` says.
-    pub(super) fn begin(
-        &mut self,
-        contacts: &[Contact<B::Parts>],
-        ends: impl Iterator<Item = usize>,
-        start: &[DVec3],
-        is_free: &impl Fn(u32) -> bool,
-        coloring: &mut Coloring,
-    ) {
-        let Self { blocks, batches, acting, acting_batches, numbers } = self;
+    pub(super) fn clear(&mut self) {
+        let Self { blocks, count, batches, acting, acting_batches, .. } = self;
         acting.clear();
         acting_batches.clear();
         blocks.clear();
         batches.clear();
+        *count = 0;
+    }
+
+    /// Takes over those contacts that are not in blocks yet, in batches that end at `ends`. Constraints move those
+    /// particles that `is_free` says.
+    pub(super) fn extend(
+        &mut self,
+        contacts: &[Contact<B::Parts>],
+        ends: impl Iterator<Item = usize>,
+        is_free: &impl Fn(u32) -> bool,
+        coloring: &mut Coloring,
+        &At { start, rows, share }: &At<'_>,
+    ) {
+        let Self { blocks, count, batches, numbers, .. } = self;
         let moved = |particle: u32| if particle != NONE && is_free(particle) { particle } else { NONE };
-        let mut first = 0;
+        let before = blocks.len();
         for end in ends {
-            let contacts = &contacts[first..end];
-            first = end;
+            let contacts = &contacts[*count..end];
+            *count = end;
             numbers.clear();
             let particles_of = |contact: u32| B::particles(&contacts[contact as usize].parts).map(moved);
             coloring.blocks(start.len(), contacts.len(), particles_of, numbers);
@@ -181,8 +191,8 @@ impl<B: ContactBlock<N>, const N: usize> ContactBlocks<B, N> {
             batches.push(blocks.len());
         }
         dispatch!(Level::new(), simd => {
-            for block in blocks {
-                block.begin_tick(simd);
+            for block in &mut blocks[before..] {
+                block.begin(simd, rows, share);
             }
         });
     }
@@ -346,9 +356,12 @@ impl<const ARE_EDGES: bool, const N: usize> ContactBlock<N> for FeatureBlock<ARE
     }
 
     #[inline(always)]
-    fn begin_tick<S: Simd>(&mut self, simd: S) {
-        let meeting = self.meet(simd, &[zero(simd); 4]);
-        self.offset(simd, &meeting).store_slice(&mut self.common.left);
+    fn begin<S: Simd>(&mut self, simd: S, rows: MovingRows<'_>, _: f32) {
+        let moved = gather_all(simd, rows.displacement, &self.places);
+        let vectors = [moved[0].vector, moved[1].vector, moved[2].vector, moved[3].vector];
+        let meeting = self.meet(simd, &vectors);
+        let way = weighted_sum(simd, &moved, &meeting.weights);
+        (self.offset(simd, &meeting) + meeting.normal.dot(way)).store_slice(&mut self.common.left);
         meeting.normal.store(&mut self.common.normal);
     }
 
@@ -428,8 +441,12 @@ impl<const N: usize> ContactBlock<N> for PlaneBlock<N> {
     }
 
     #[inline(always)]
-    fn begin_tick<S: Simd>(&mut self, _: S) {
-        self.common.left = self.offset;
+    fn begin<S: Simd>(&mut self, simd: S, rows: MovingRows<'_>, share: f32) {
+        let moved = gather_all(simd, rows.displacement, &self.places);
+        let way = weighted_sum(simd, &moved, &load_all(simd, &self.weights));
+        let way = way.plus(VectorLanes::load(simd, &self.drive).scaled(f32x8::splat(simd, share)));
+        let along = VectorLanes::load(simd, &self.common.normal).dot(way);
+        (f32x8::from_slice(simd, &self.offset) + along).store_slice(&mut self.common.left);
     }
 
     #[inline(always)]

@@ -5,7 +5,7 @@ use glam::DVec3;
 use super::{
     acting::Evaluation,
     coloring::{Coloring, in_order},
-    contacts::{Contact, ContactBlocks, ContactList, FeatureBlock, FeatureParticles, Plane, PlaneBlock},
+    contacts::{At, Contact, ContactBlocks, ContactList, FeatureBlock, FeatureParticles, Plane, PlaneBlock},
     features::FeatureKind,
     rows::MovingRows,
 };
@@ -36,7 +36,7 @@ pub struct FoundContacts {
     planes: Vec<Contact<Plane<3>>>,
     /// Of up to six.
     wide_planes: Vec<Contact<Plane<6>>>,
-    /// How many there were of each kind when a batch was full.
+    /// How many there were of each kind when a batch ended.
     batches: Vec<[usize; KINDS]>,
 }
 
@@ -76,6 +76,15 @@ impl FoundContacts {
         }
     }
 
+    /// Ends a batch that has begun.
+    fn end_batch(&mut self) {
+        let counts = self.counts();
+        let ended = self.batches.last().copied().unwrap_or_default();
+        if counts != ended {
+            self.batches.push(counts);
+        }
+    }
+
     /// Adds a contact of a vertex, the first particle, and a face, or of two edges. Constraints move those particles
     /// that `is_free` says.
     pub fn push_features(
@@ -102,13 +111,13 @@ impl FoundContacts {
     }
 
     /// Adds a contact whose plane is fixed.
-    pub fn push_plane(&mut self, contact: Contact<Plane<6>>) {
+    pub fn push_plane(&mut self, contact: &Contact<Plane<6>>) {
         if let Some(contact) = contact.narrowed::<1>() {
             self.points.push(contact);
         } else if let Some(contact) = contact.narrowed::<3>() {
             self.planes.push(contact);
         } else {
-            self.wide_planes.push(contact);
+            self.wide_planes.push(*contact);
         }
         self.end_of_one();
     }
@@ -117,7 +126,7 @@ impl FoundContacts {
 /// Contacts of every kind, colored.
 ///
 /// Consecutive contacts are colored in batches, which are solved in order and back. So a stack whose contacts come in
-/// the order of its layers is solved from layer to layer.
+/// the order of its layers is solved from layer to layer. Contacts that are found later in the tick are further batches.
 #[derive(Debug, Default)]
 pub struct Contacts {
     batches: usize,
@@ -132,26 +141,42 @@ pub struct Contacts {
 }
 
 impl Contacts {
-    /// Begins a tick with these contacts. Particles are at `start`, and constraints move those that `is_free` says.
-    pub fn begin(
+    pub fn clear(&mut self) {
+        let Self { batches, vertex_face, vertices, faces, edge_edge, edges, points, planes, wide_planes } = self;
+        *batches = 0;
+        vertex_face.clear();
+        vertices.clear();
+        faces.clear();
+        edge_edge.clear();
+        edges.clear();
+        points.clear();
+        planes.clear();
+        wide_planes.clear();
+    }
+
+    /// Takes over those contacts that it has not yet. Constraints move those particles that `is_free` says.
+    pub fn extend(
         &mut self,
-        found: &FoundContacts,
-        start: &[DVec3],
+        found: &mut FoundContacts,
         is_free: impl Fn(u32) -> bool,
         coloring: &mut Coloring,
+        at: &At<'_>,
     ) {
-        let last = found.counts();
-        let counts = || found.batches.iter().chain([&last]);
-        self.batches = counts().count();
-        let ends = |kind: usize| counts().map(move |counts| counts[kind]);
-        self.vertex_face.begin(&found.vertex_face, ends(0), start, &is_free, coloring);
-        self.vertices.begin(&found.vertices, ends(1), start, &is_free, coloring);
-        self.faces.begin(&found.faces, ends(2), start, &is_free, coloring);
-        self.edge_edge.begin(&found.edge_edge, ends(3), start, &is_free, coloring);
-        self.edges.begin(&found.edges, ends(4), start, &is_free, coloring);
-        self.points.begin(&found.points, ends(5), start, &is_free, coloring);
-        self.planes.begin(&found.planes, ends(6), start, &is_free, coloring);
-        self.wide_planes.begin(&found.wide_planes, ends(7), start, &is_free, coloring);
+        found.end_batch();
+        let new = &found.batches[self.batches..];
+        if new.is_empty() {
+            return;
+        }
+        self.batches = found.batches.len();
+        let ends = |kind: usize| new.iter().map(move |counts| counts[kind]);
+        self.vertex_face.extend(&found.vertex_face, ends(0), &is_free, coloring, at);
+        self.vertices.extend(&found.vertices, ends(1), &is_free, coloring, at);
+        self.faces.extend(&found.faces, ends(2), &is_free, coloring, at);
+        self.edge_edge.extend(&found.edge_edge, ends(3), &is_free, coloring, at);
+        self.edges.extend(&found.edges, ends(4), &is_free, coloring, at);
+        self.points.extend(&found.points, ends(5), &is_free, coloring, at);
+        self.planes.extend(&found.planes, ends(6), &is_free, coloring, at);
+        self.wide_planes.extend(&found.wide_planes, ends(7), &is_free, coloring, at);
     }
 
     fn lists(&mut self) -> [&mut dyn ContactList; KINDS] {
@@ -221,7 +246,12 @@ mod tests {
         contact(&mut found);
         rows.begin(placed.into_iter());
         let is_free = |particle: u32| placed[particle as usize].inverse_mass > 0.0;
-        contacts.begin(&found, start, is_free, &mut Coloring::default());
+        contacts.extend(
+            &mut found,
+            is_free,
+            &mut Coloring::default(),
+            &At { start, rows: rows.moving(), share: 0.0 },
+        );
         rows.predict(EVALUATION.step, glam::Vec3::ZERO, 1.0);
         contacts.begin_step(rows.moving(), EVALUATION);
         contacts.push_again(rows.moving());
@@ -297,7 +327,7 @@ mod tests {
         };
         let contact =
             Contact { parts, normal: DVec3::Y, distance: 0.01, friction: [5.0, 5.0], reaction: NONE, recovers: false };
-        let ends = solved(|found| found.push_plane(contact), &[DVec3::ZERO; 4], [point; 4]);
+        let ends = solved(|found| found.push_plane(&contact), &[DVec3::ZERO; 4], [point; 4]);
         assert!(ends[0][0].distance(drive) < 1e-7, "{:?}", ends[0]);
         assert!(ends[0][1].distance(drive / f64::from(EVALUATION.step)) < 1e-4, "{:?}", ends[0]);
         assert_eq!(ends[1], [DVec3::ZERO; 2]);

@@ -24,7 +24,7 @@ mod volume;
 mod wind;
 
 pub use acting::Evaluation;
-pub use contacts::{Contact, FeatureParticles, Plane};
+pub use contacts::{At, Contact, FeatureParticles, Plane};
 pub use features::FeatureKind;
 pub use hinges::{HingeRests, Hinges, bend_at};
 pub use lists::{Contacts, FoundContacts};

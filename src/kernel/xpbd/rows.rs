@@ -177,22 +177,35 @@ impl ParticleRows {
     /// Begins a tick.
     pub fn begin(&mut self, particles: impl Iterator<Item = Placed>) {
         let Self { displacement, previous, velocity, driven } = self;
-        for table in [&mut *displacement, &mut *previous, &mut *velocity] {
+        for table in [displacement, previous, velocity] {
             table.clear();
             table.push(Row::default());
         }
         driven.clear();
+        self.extend(particles, 0.0);
+    }
+
+    /// The number of particles.
+    #[must_use]
+    pub fn count(&self) -> usize {
+        self.displacement.len().saturating_sub(1)
+    }
+
+    /// Adds particles when `share` of the tick has passed. Free ones have not moved yet.
+    pub fn extend(&mut self, particles: impl Iterator<Item = Placed>, share: f32) {
+        let Self { displacement, previous, velocity, driven } = self;
         for Placed { way, velocity: speed, inverse_mass } in particles {
             let inverse_mass = inverse_mass as f32;
             let is_free = inverse_mass > 0.0;
-            let way = way.as_vec3();
-            if !is_free && way != Vec3::ZERO {
+            let way = if is_free { Vec3::ZERO } else { way.as_vec3() };
+            if way != Vec3::ZERO {
                 driven.push((displacement.len() as u32, way));
             }
             let speed = if is_free { speed.as_vec3() } else { Vec3::ZERO };
-            let still = Row([0.0, 0.0, 0.0, inverse_mass]);
-            displacement.push(still);
-            previous.push(still);
+            let Vec3 { x, y, z } = way * share;
+            let now = Row([x, y, z, inverse_mass]);
+            displacement.push(now);
+            previous.push(now);
             velocity.push(Row([speed.x, speed.y, speed.z, inverse_mass]));
         }
     }

@@ -489,7 +489,7 @@ impl WayOut {
                 reaction: NO_REACTION,
                 recovers: false,
             };
-            contacts.push(constraint, particles);
+            contacts.push(&constraint, particles);
         }
     }
 }
