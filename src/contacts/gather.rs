@@ -7,7 +7,7 @@ use bevy_ecs::prelude::*;
 use glam::Vec3;
 
 use super::{
-    sides::{Before, Reversed, Sides},
+    sides::{Before, Reversed, Sides, agree},
     store::{ContactStore, StoredPair},
 };
 use crate::{
@@ -97,6 +97,12 @@ fn gather_contacts(
                 None => Before::default(),
             };
             sides.keep(found.contacts.make_mut(), before, &Threads(settings.threads));
+            if let OtherSide::Surface(second) = pair.second
+                && found.nearest > 0.0
+            {
+                let topology = |surface: usize| &*active.surfaces[surface].topology;
+                agree(found.contacts.make_mut(), [topology(pair.first), topology(second)]);
+            }
         }
         store.pairs.push(stored_pair(&active, pair, found));
     }

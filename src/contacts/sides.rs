@@ -1,7 +1,8 @@
 //! Keeps two-sided contacts on the sides that they were on in the last tick.
 //!
 //! If the normal of a contact has reversed since then, its features have passed through each other. The old normal is
-//! kept, and the distance becomes negative. Contacts come in the same order in every tick, so each is found next to its
+//! kept, and the distance becomes negative. Two connected surfaces that do not cross are on one side of each other, so
+//! there most contacts decide for all. Contacts come in the same order in every tick, so each is found next to its
 //! predecessor. Contacts that other triangles may have reported are looked up by key.
 
 use std::mem;
@@ -11,6 +12,7 @@ use glam::Vec3;
 
 use crate::kernel::{
     contact::{CompactContact, ContactKey, SharedContact},
+    mesh::topology::SurfaceTopology,
     simd::parallel::Parallel,
 };
 
@@ -149,6 +151,33 @@ fn keep_side(contact: &mut CompactContact, last: &CompactContact) {
     if from_first_feature(contact).dot(from_first_feature(last)) < 0.0 {
         contact.normal = -contact.normal;
         contact.distance = -contact.distance;
+    }
+}
+
+/// Flips contacts back that seem to have passed, where most others between the same components have not. For surfaces that
+/// do not cross: such a contact has turned round a rim, or was first seen while they crossed.
+pub(super) fn agree(contacts: &mut [CompactContact], [a, b]: [&SurfaceTopology; 2]) {
+    let has_passed = |contact: &CompactContact| contact.key.has_sides() && contact.distance < 0.0;
+    if !contacts.iter().any(has_passed) {
+        return;
+    }
+    let (components_a, components_b) = (a.components().0, b.components().0);
+    let components_of = |contact: &CompactContact| {
+        let [a, b] = [components_a[contact.triangle_a as usize], components_b[contact.triangle_b as usize]];
+        if contact.swapped { [b, a] } else { [a, b] }
+    };
+    // How many have passed, and how many there are.
+    let mut counts: HashMap<[u32; 2], [u32; 2]> = HashMap::default();
+    for contact in contacts.iter().filter(|contact| contact.key.has_sides()) {
+        let [passed, all] = counts.entry(components_of(contact)).or_default();
+        *passed += u32::from(has_passed(contact));
+        *all += 1;
+    }
+    for contact in contacts {
+        if has_passed(contact) && counts.get(&components_of(contact)).is_some_and(|[passed, all]| 2 * passed < *all) {
+            contact.normal = -contact.normal;
+            contact.distance = -contact.distance;
+        }
     }
 }
 

@@ -81,8 +81,8 @@ pub(super) struct Gatherer {
     known: HashSet<Features4>,
     /// How far each particle would move in the tick if nothing pushed it, for contacts of bodies.
     ahead: Vec<Vec3>,
-    /// When each contact of the current pair is due.
-    due: Vec<u32>,
+    /// Whether each contact of the current pair may act.
+    may_act: Vec<bool>,
     /// Whether each of those particles has been pushed.
     pushed: Vec<bool>,
     /// The least contact distance of all pairs.
@@ -173,7 +173,7 @@ impl Gatherer {
         self.bodies.get(&entity).copied()
     }
 
-    /// Makes constraints of those contacts with a body on at least one side that may act soon.
+    /// Makes constraints of those contacts with a body on at least one side that may act.
     pub(super) fn add_contacts(&mut self, solver: &mut Solver, scene: &Scene<'_, '_>, watch: Watch) {
         self.look_ahead(&solver.particles, watch);
         self.known.clear();
@@ -187,15 +187,15 @@ impl Gatherer {
             }
             let friction = scene.friction(pair.a.entity(), pair.b.entity());
             self.find_tangled(&mut solver.particles, scene, pair);
-            let due = self.watch(scene, pair, sides, watch);
-            for ((place, record), &due) in (0..).zip(pair.contacts.iter()).zip(&due) {
-                if due == 0 {
+            let may_act = self.watch(scene, pair, sides, watch);
+            for ((place, record), &may_act) in (0..).zip(pair.contacts.iter()).zip(&may_act) {
+                if may_act {
                     self.add_contact(solver, scene, pair, sides, record, friction);
                 } else {
-                    self.unwatched.push(Unwatched { pair: pair_place, place, due });
+                    self.unwatched.push(Unwatched { pair: pair_place, place });
                 }
             }
-            self.due = due;
+            self.may_act = may_act;
         }
     }
 

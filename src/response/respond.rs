@@ -347,7 +347,7 @@ fn respond(
     let threads = scene.threads();
     solver.begin();
     let mut solved = solver.advance(threads, duration, &settings, &mut |solver, substep| {
-        gatherer.add_due(solver, &scene, watch, substep)
+        gatherer.add_pushed(solver, &scene, watch, substep)
     });
     for _ in 0..MOST_MISSED {
         if !gatherer.add_missed(solver, &scene) {

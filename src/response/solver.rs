@@ -255,10 +255,13 @@ impl Solver {
         self.particles.begin(&mut self.rows);
         self.contacts.begin_solution(team, &self.particles, self.rows.moving());
         for substep in 1..=settings.substeps {
-            if substep > 1 && add_contacts(self, substep) {
+            if substep > 1 {
+                let is_any_new = add_contacts(self, substep);
                 let passed = (f64::from(substep - 1) / f64::from(settings.substeps)) as f32;
                 self.particles.extend(&mut self.rows, passed);
-                self.contacts.extend(team, &self.particles, self.rows.moving(), passed);
+                if is_any_new {
+                    self.contacts.extend(team, &self.particles, self.rows.moving(), passed);
+                }
             }
             let Self { bodies, contacts, forces, tethers, winds, rows, inners, .. } = self;
             for body in &*bodies {

@@ -50,6 +50,8 @@ pub struct SurfaceTopology {
     fans: OnceLock<Box<Fans>>,
     /// Computed when an exact test first needs it.
     firsts: OnceLock<FirstTriangles>,
+    /// The component of each triangle, and the number of components. Computed when it is first asked for.
+    components: OnceLock<(Box<[u32]>, usize)>,
 }
 
 /// The first triangle around each vertex and each edge.
@@ -199,6 +201,7 @@ impl SurfaceTopology {
             hinges: OnceLock::new(),
             fans: OnceLock::new(),
             firsts: OnceLock::new(),
+            components: OnceLock::new(),
         };
         topology.report = topology.inspect();
         Ok(topology)
@@ -421,7 +424,12 @@ impl SurfaceTopology {
     /// Numbers the connected components, which are triangles joined by shared welded vertices, in the order of their
     /// first triangle. Returns the component of each triangle, and the number of components.
     #[must_use]
-    pub fn components(&self) -> (Vec<u32>, usize) {
+    pub fn components(&self) -> (&[u32], usize) {
+        let (components, count) = self.components.get_or_init(|| self.find_components());
+        (components, *count)
+    }
+
+    fn find_components(&self) -> (Box<[u32]>, usize) {
         const UNSEEN: u32 = u32::MAX;
         let mut component = vec![UNSEEN; self.triangles.len()];
         let mut count = 0;
@@ -444,7 +452,7 @@ impl SurfaceTopology {
             }
             count += 1;
         }
-        (component, count as usize)
+        (component.into(), count as usize)
     }
 }
 

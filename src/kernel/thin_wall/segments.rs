@@ -275,7 +275,7 @@ fn drop_few(body: &Body, is_thin: &mut [bool]) {
         *thin += if is_thin[triangle] { body.areas[triangle] } else { 0.0 };
         *all += body.areas[triangle];
     }
-    for (is_thin, &component) in is_thin.iter_mut().zip(&component) {
+    for (is_thin, &component) in is_thin.iter_mut().zip(component) {
         let [thin, all] = areas[component as usize];
         *is_thin &= thin >= LEAST_SHARE * all;
     }

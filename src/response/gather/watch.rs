@@ -9,19 +9,15 @@ use crate::{
     response::{particles::Particles, record::weights_of, scene::Scene, solver::Solver},
 };
 
-/// A contact is watched once its sides may come together within this many substeps at their relative speed. They may
-/// move apart now: what trembles comes back.
-const SOON: f64 = 4.0;
-
-/// Otherwise it is looked at again before they come together at this multiple of their relative speed, if that is in
-/// this tick: something else may push them.
-const HASTE: f64 = 4.0;
+/// A contact is watched if its sides may come together in the rest of the tick at this multiple of their relative speed.
+/// They may move apart now: what trembles comes back.
+const HASTE: f64 = 1.25;
 
 /// A particle is pushed if it becomes twice as fast, and would move this much farther in a tick than it would have, in
 /// contact distances.
 const PUSHED: f64 = 0.1;
 
-/// The least number of substeps between two looks at contacts.
+/// Number of substeps between two looks at what has been pushed.
 const PAUSE: u32 = 2;
 
 /// Separation, in contact distances, within which a contact is watched even if its sides do not move.
@@ -53,19 +49,12 @@ impl Watch {
         (NEAR * contact_distance).max(fall - SHALLOW * contact_distance)
     }
 
-    /// The substep before which a contact has to be looked at again, counted from 1; 0 if it has to be watched now,
-    /// before the given substep.
-    fn due(self, pair: &StoredPair, record: &CompactContact, ways: Ways, substep: u32) -> u32 {
+    /// Whether a contact may act in the rest of the tick, when `share` of it has passed.
+    fn may_act(self, pair: &StoredPair, record: &CompactContact, ways: Ways, share: f64) -> bool {
         let contact_distance = f64::from(pair.contact_distance);
         let separation = f64::from(record.distance) - contact_distance - ways.closed(pair, record);
         let left = separation - Self::slack(self.fall, contact_distance);
-        let way = ways.ahead.length() / f64::from(self.substeps);
-        if left <= SOON * way {
-            return 0;
-        }
-        #[expect(clippy::cast_sign_loss, reason = "no contact that is due has passed")]
-        let later = (left / (HASTE * way)) as u32;
-        substep.saturating_add(later.max(PAUSE))
+        left <= HASTE * (1.0 - share) * ways.ahead.length()
     }
 }
 
@@ -76,8 +65,6 @@ pub(super) struct Unwatched {
     pub(super) pair: u32,
     /// Its place in the pair.
     pub(super) place: u32,
-    /// The substep before which it is looked at again.
-    pub(super) due: u32,
 }
 
 /// How the contact point of the first side moves relative to that of the second.
@@ -97,25 +84,25 @@ impl Ways {
 }
 
 impl Gatherer {
-    /// When each contact of a pair has to be looked at again; 0 for those that have to be watched from the beginning.
+    /// Whether each contact of a pair may act in the tick.
     pub(super) fn watch(
         &mut self,
         scene: &Scene<'_, '_>,
         pair: &StoredPair,
         sides: [Side<'_>; 2],
         watch: Watch,
-    ) -> Vec<u32> {
-        let mut due = std::mem::take(&mut self.due);
-        due.clear();
-        due.resize(pair.contacts.len(), 0);
-        let parts = pair.contacts.chunks(PART).zip(due.chunks_mut(PART));
+    ) -> Vec<bool> {
+        let mut may_act = std::mem::take(&mut self.may_act);
+        may_act.clear();
+        may_act.resize(pair.contacts.len(), false);
+        let parts = pair.contacts.chunks(PART).zip(may_act.chunks_mut(PART));
         let of = |particle: usize| [DVec3::ZERO, self.ahead[particle].as_dvec3()];
-        scene.threads().run_tasks(parts, pair.contacts.len().div_ceil(PART), |(records, due)| {
-            for (record, due) in records.iter().zip(due) {
-                *due = watch.due(pair, record, ways(scene, pair, sides, record, 0.0, of), 1);
+        scene.threads().run_tasks(parts, pair.contacts.len().div_ceil(PART), |(records, may_act)| {
+            for (record, may_act) in records.iter().zip(may_act) {
+                *may_act = watch.may_act(pair, record, ways(scene, pair, sides, record, 0.0, of), 0.0);
             }
         });
-        due
+        may_act
     }
 
     /// Notes how far every particle would move in the tick if nothing pushed it.
@@ -131,20 +118,19 @@ impl Gatherer {
         }));
     }
 
-    /// Makes constraints of contacts that have not been watched, and that may act in the next substeps. Returns whether
-    /// there are any.
-    pub(in crate::response) fn add_due(
+    /// Makes constraints of contacts that have not been watched, and that may act now that something has pushed them, in
+    /// the rest of the tick from a substep on. Returns whether there are any.
+    pub(in crate::response) fn add_pushed(
         &mut self,
         solver: &mut Solver,
         scene: &Scene<'_, '_>,
         watch: Watch,
         substep: u32,
     ) -> bool {
-        if substep % PAUSE != 1 {
+        if substep % PAUSE != 1 || self.unwatched.is_empty() || !self.note_pushed(solver, watch) {
             return false;
         }
         let share = f64::from(substep - 1) / f64::from(watch.substeps);
-        let is_any_pushed = self.note_pushed(solver, watch);
         let pushed = std::mem::take(&mut self.pushed);
         let is_pushed = |side: Side<'_>, triangle: u32| match side {
             Side::Body { first, topology } => {
@@ -153,16 +139,13 @@ impl Gatherer {
             }
             Side::Driven { .. } | Side::Shape { .. } => false,
         };
-        let is_any_new = self.add_unwatched(solver, scene, |solver, pair, [a, b], unwatched| {
-            let record = &pair.contacts[unwatched.place as usize];
-            let is_pushed = || is_pushed(a, record.triangle_a) || is_pushed(b, record.triangle_b);
-            if unwatched.due <= substep || is_any_pushed && is_pushed() {
-                let of = |particle: usize| {
-                    let [done, velocity] = solver.rows.state(particle);
-                    [done, velocity * watch.duration]
-                };
-                unwatched.due = watch.due(pair, record, ways(scene, pair, [a, b], record, share, of), substep);
-            }
+        let is_any_new = self.add_unwatched(solver, scene, |solver, pair, [a, b], record| {
+            let of = |particle: usize| {
+                let [done, velocity] = solver.rows.state(particle);
+                [done, velocity * watch.duration]
+            };
+            (is_pushed(a, record.triangle_a) || is_pushed(b, record.triangle_b))
+                && watch.may_act(pair, record, ways(scene, pair, [a, b], record, share, of), share)
         });
         self.pushed = pushed;
         is_any_new
@@ -192,51 +175,45 @@ impl Gatherer {
         let moved = |particle: usize| solver.particles.position[particle] - solver.particles.start[particle];
         let squares = (0..solver.particles.len()).map(|particle| moved(particle).length_squared());
         let farthest = squares.fold(0.0, f64::max).sqrt();
-        self.add_unwatched(solver, scene, |solver, pair, sides, unwatched| {
-            let record = &pair.contacts[unwatched.place as usize];
+        self.add_unwatched(solver, scene, |solver, pair, sides, record| {
             let left = f64::from(record.distance) - (1.0 - MISSED) * f64::from(pair.contact_distance);
             let is_driven = |side: &Side<'_>| match side {
                 Side::Body { .. } => false,
                 Side::Driven { entity, .. } | Side::Shape { entity } => scene.motions.course(*entity).is_some(),
             };
             if left >= 2.0 * farthest && !sides.iter().any(is_driven) {
-                return;
+                return false;
             }
             let particles = &solver.particles;
             let of = |particle: usize| [particles.position[particle] - particles.start[particle], DVec3::ZERO];
-            if left < ways(scene, pair, sides, record, 1.0, of).closed(pair, record) {
-                unwatched.due = 0;
-            }
+            left < ways(scene, pair, sides, record, 1.0, of).closed(pair, record)
         })
     }
 
-    /// Makes constraints of contacts that have not been watched. `look` sets when they are due, to 0 for those that are to
-    /// be watched now. Returns whether there are any.
+    /// Makes constraints of those contacts that have not been watched and must be now. Returns whether there are any.
     fn add_unwatched(
         &mut self,
         solver: &mut Solver,
         scene: &Scene<'_, '_>,
-        look: impl Fn(&Solver, &StoredPair, [Side<'_>; 2], &mut Unwatched),
+        must_be: impl Fn(&Solver, &StoredPair, [Side<'_>; 2], &CompactContact) -> bool,
     ) -> bool {
         let mut unwatched = std::mem::take(&mut self.unwatched);
         let before = solver.contacts.len();
-        for of_pair in unwatched.chunk_by_mut(|one, other| one.pair == other.pair) {
-            let pair = &scene.store.pairs[of_pair[0].pair as usize];
-            let sides = self.sides(pair);
-            for contact in &mut *of_pair {
-                look(solver, pair, sides, contact);
+        let mut last_pair = None;
+        unwatched.retain(|contact| {
+            let pair = &scene.store.pairs[contact.pair as usize];
+            let (sides, record) = (self.sides(pair), &pair.contacts[contact.place as usize]);
+            if !must_be(solver, pair, sides, record) {
+                return true;
             }
-            if of_pair.iter().all(|contact| contact.due > 0) {
-                continue;
+            if last_pair != Some(contact.pair) {
+                last_pair = Some(contact.pair);
+                self.find_tangled(&mut solver.particles, scene, pair);
             }
             let friction = scene.friction(pair.a.entity(), pair.b.entity());
-            self.find_tangled(&mut solver.particles, scene, pair);
-            for contact in of_pair.iter().filter(|contact| contact.due == 0) {
-                let record = &pair.contacts[contact.place as usize];
-                self.add_contact(solver, scene, pair, sides, record, friction);
-            }
-        }
-        unwatched.retain(|contact| contact.due > 0);
+            self.add_contact(solver, scene, pair, sides, record, friction);
+            false
+        });
         self.unwatched = unwatched;
         solver.contacts.len() > before
     }
