@@ -110,3 +110,34 @@ fn what_a_wall_has_crushed_crosses_itself_no_longer() {
     // At a high rate, contacts keep most of it apart.
     assert!(crossed.iter().filter(|&&most| most > 10).count() >= 2, "the body hardly ever crosses itself: {crossed:?}");
 }
+
+/// The contacts that say of their features that they have passed through each other.
+fn passed(scene: &Scene) -> usize {
+    scene.app.world().resource::<ContactStore>().contacts().filter(|contact| contact.distance < 0.0).count()
+}
+
+#[test]
+fn a_cloth_that_has_come_back_through_the_ground_lies_still_on_it() {
+    let mut scene = Scene::new();
+    let thickness = SurfaceThickness::World(0.002);
+    let mut ground = grid(60, 60, 1.5, 1.5, Diagonals::Alternating);
+    for [x, y, z] in &mut ground.positions {
+        *y = 0.06 * (5.0 * *x).sin() * (6.0 * *z).sin();
+    }
+    scene.add_obstacle(&ground, thickness);
+    let cloth =
+        grid(30, 30, 0.75, 0.75, Diagonals::Alternating).rotate([0.0, 1.0, 0.0], 0.3).translate([0.0, 0.1, 0.0]);
+    // Without SweptCollision, some of its vertices are beyond the ground before anything is known of them.
+    let cloth = scene.add(&cloth, XpbdMaterial::CLOTH, (thickness, SelfCollision));
+    scene.body_mut(cloth).velocities.fill(Vec3::NEG_Y * 1.5);
+    let (mut most_crossings, mut most_passed) = (0, 0);
+    for _ in 0..20 {
+        scene.run(1);
+        most_crossings = most_crossings.max(crossings(&scene));
+        most_passed = most_passed.max(passed(&scene));
+    }
+    assert!(most_crossings > 5 && most_passed > 5, "{most_crossings} crossings, {most_passed} contacts passed");
+    scene.run(100);
+    assert_eq!([crossings(&scene), passed(&scene)], [0, 0]);
+    assert!(scene.fastest(cloth) < 0.05, "{} m/s", scene.fastest(cloth));
+}

@@ -149,3 +149,47 @@ fn every_pair_of_features_stays_once_on_its_side() {
         assert!(!is_large || repeats > 100 && turned > 100 && turned_elsewhere > 20, "{repeats} {turned}");
     }
 }
+
+#[test]
+fn most_contacts_of_two_components_decide_for_all() {
+    // Two triangles without a common vertex, and one that has both in one component.
+    let positions: Vec<Vec3> = (0..6).map(|vertex| Vec3::X * vertex as f32).collect();
+    let topology = |triangles| SurfaceTopology::new(&positions, triangles).expect("the triangles are valid");
+    let (apart, joined) = (topology(&[[0, 1, 2], [3, 4, 5]]), topology(&[[0, 1, 2], [2, 3, 4]]));
+    let mut random = Random::new(5);
+    let mut with = |triangle_a: u32, triangle_b: u32, distance: f32, kind: usize| CompactContact {
+        distance,
+        swapped: false,
+        ..contact(&mut random, 1, [triangle_a, triangle_b], false, KINDS[kind])
+    };
+    let found = [
+        with(0, 0, 0.1, 0),
+        with(0, 1, 0.2, 1),
+        with(0, 0, -0.3, 1),
+        // Without sides, so it does not count.
+        with(1, 0, 0.1, 2),
+        with(1, 0, 0.1, 2),
+        with(1, 0, -0.2, 0),
+        with(1, 1, -0.4, 1),
+        with(1, 1, 0.4, 0),
+    ];
+    let flipped = |[a, b]: [&SurfaceTopology; 2]| {
+        let mut contacts = found.to_vec();
+        agree(&mut contacts, [a, b]);
+        contacts
+            .iter()
+            .zip(&found)
+            .map(|(after, before)| {
+                assert_eq!(after.distance.abs(), before.distance.abs());
+                assert_eq!(after.normal == -before.normal, after.distance != before.distance);
+                after.distance != before.distance
+            })
+            .collect::<Vec<bool>>()
+    };
+    // Each component by itself: one of three has passed, and two of three.
+    assert_eq!(flipped([&apart, &joined]), [false, false, true, false, false, false, false, false]);
+    // All together: three of six.
+    assert_eq!(flipped([&joined, &joined]), [false; 8]);
+    // Each by itself on both sides: one of two, and all of one.
+    assert_eq!(flipped([&apart, &apart]), [false; 8]);
+}

@@ -246,12 +246,7 @@ mod tests {
         contact(&mut found);
         rows.begin(placed.into_iter());
         let is_free = |particle: u32| placed[particle as usize].inverse_mass > 0.0;
-        contacts.extend(
-            &mut found,
-            is_free,
-            &mut Coloring::default(),
-            &At { start, rows: rows.moving(), share: 0.0 },
-        );
+        contacts.extend(&mut found, is_free, &mut Coloring::default(), &At { start, rows: rows.moving(), share: 0.0 });
         rows.predict(EVALUATION.step, glam::Vec3::ZERO, 1.0);
         contacts.begin_step(rows.moving(), EVALUATION);
         contacts.push_again(rows.moving());

@@ -235,10 +235,12 @@ fn ways(
             |topology: &SurfaceTopology| topology.welded_triangles()[triangle as usize].into_iter().zip(weights);
         let driven = |way: DVec3| [way * share, way];
         match side {
-            Side::Body { first, topology } => corners(topology).fold([DVec3::ZERO; 2], |[done, ahead], (corner, weight)| {
-                let [own, own_ahead] = of(first + corner as usize);
-                [done + own * weight, ahead + own_ahead * weight]
-            }),
+            Side::Body { first, topology } => {
+                corners(topology).fold([DVec3::ZERO; 2], |[done, ahead], (corner, weight)| {
+                    let [own, own_ahead] = of(first + corner as usize);
+                    [done + own * weight, ahead + own_ahead * weight]
+                })
+            }
             Side::Driven { entity, topology } => driven(scene.motions.course(entity).map_or(DVec3::ZERO, |course| {
                 let way = |corner: usize| course.ahead.point(corner) - course.now.point(corner);
                 corners(topology).fold(DVec3::ZERO, |sum, (corner, weight)| sum + way(corner as usize) * weight)
