@@ -259,9 +259,9 @@ pub enum Sidedness {
     /// surface with itself are still two-sided, because behind a face may be the other side of a thin wall.
     OneSided,
     /// A sheet. What was on one side of it in the last tick and is on the other side now has penetrated, for as long as
-    /// the same two features stay in contact, even if the [`SurfaceOrder`] changes. Sides are remembered between
-    /// sheets, including rigid ones, and within one surface. Against a one-sided surface, the inside of that surface
-    /// decides.
+    /// the same two features stay in contact, even if the [`SurfaceOrder`] changes. Where connected sheets do not cross,
+    /// they are on one side of each other, so most of their contacts decide for all. Sides are remembered between sheets,
+    /// including rigid ones, and within one surface. Against a one-sided surface, the inside of that surface decides.
     TwoSided,
 }
 

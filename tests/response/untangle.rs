@@ -118,6 +118,11 @@ fn passed(scene: &Scene) -> usize {
 
 #[test]
 fn a_cloth_that_has_come_back_through_the_ground_lies_still_on_it() {
+    [0.0, 0.5].into_iter().for_each(lies_still);
+}
+
+/// `speed` is that of the cloth at the start, downward.
+fn lies_still(speed: f32) {
     let mut scene = Scene::new();
     let thickness = SurfaceThickness::World(0.002);
     let mut ground = grid(60, 60, 1.5, 1.5, Diagonals::Alternating);
@@ -129,7 +134,7 @@ fn a_cloth_that_has_come_back_through_the_ground_lies_still_on_it() {
         grid(30, 30, 0.75, 0.75, Diagonals::Alternating).rotate([0.0, 1.0, 0.0], 0.3).translate([0.0, 0.1, 0.0]);
     // Without SweptCollision, some of its vertices are beyond the ground before anything is known of them.
     let cloth = scene.add(&cloth, XpbdMaterial::CLOTH, (thickness, SelfCollision));
-    scene.body_mut(cloth).velocities.fill(Vec3::NEG_Y * 1.5);
+    scene.body_mut(cloth).velocities.fill(Vec3::NEG_Y * speed);
     let (mut most_crossings, mut most_passed) = (0, 0);
     for _ in 0..20 {
         scene.run(1);

@@ -119,7 +119,8 @@ impl Gatherer {
     }
 
     /// Makes constraints of contacts that have not been watched, and that may act now that something has pushed them, in
-    /// the rest of the tick from a substep on. Returns whether there are any.
+    /// the rest of the tick from a substep on. Returns whether there are any. Not those of patches: their planes are of the
+    /// beginning of the tick, and a ball in a valley that met them later would tremble.
     pub(in crate::response) fn add_pushed(
         &mut self,
         solver: &mut Solver,
@@ -144,7 +145,8 @@ impl Gatherer {
                 let [done, velocity] = solver.rows.state(particle);
                 [done, velocity * watch.duration]
             };
-            (is_pushed(a, record.triangle_a) || is_pushed(b, record.triangle_b))
+            !pair.is_smooth
+                && (is_pushed(a, record.triangle_a) || is_pushed(b, record.triangle_b))
                 && watch.may_act(pair, record, ways(scene, pair, [a, b], record, share, of), share)
         });
         self.pushed = pushed;
