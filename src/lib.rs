@@ -2,7 +2,7 @@
 #![doc = include_str!("../README.md")]
 
 mod contacts;
-#[cfg(feature = "rerun")]
+#[cfg(any(feature = "gizmos", feature = "rerun"))]
 pub mod debug;
 pub mod detection;
 mod diagnostics;
