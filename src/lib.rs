@@ -2,7 +2,7 @@
 #![doc = include_str!("../README.md")]
 
 mod contacts;
-#[cfg(feature = "rerun")]
+#[cfg(any(feature = "gizmos", feature = "rerun"))]
 pub mod debug;
 pub mod detection;
 mod diagnostics;
@@ -101,7 +101,7 @@ pub use settings::{CircumsphereSettings, SphereContactDetail};
 pub mod prelude {
     #[cfg(feature = "mesh")]
     pub use crate::surface::{
-        DrivenMesh, SurfaceFromMesh, SurfaceFromMeshHierarchy, SurfaceMeshError, SurfaceMeshNotWritten,
+        DrivenMesh, SurfaceFromMesh, SurfaceFromMeshHierarchy, SurfaceJoints, SurfaceMeshError, SurfaceMeshNotWritten,
         SurfaceSettings, WriteSurfaceToMesh,
     };
     pub use crate::{

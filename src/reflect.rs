@@ -54,6 +54,8 @@ impl Plugin for ReflectPlugin {
             crate::surface::DrivenMesh, crate::surface::SurfaceFromMesh, crate::surface::SurfaceFromMeshHierarchy,
             crate::surface::SurfaceMeshNotWritten, crate::surface::WriteSurfaceToMesh,
         );
+        #[cfg(feature = "gizmos")]
+        register!(app: crate::debug::DeformableGizmos);
         #[cfg(feature = "rerun")]
         register!(app: crate::debug::RerunSettings);
     }

@@ -1,24 +1,28 @@
-//! Pointers over surfaces that deform.
+//! Pointers over surfaces that deform: what the backend reports, and what becomes of it in the plugins of `bevy_picking`.
 
 use bevy_app::prelude::*;
 use bevy_camera::{
-    Camera,
+    Camera, ComputedCameraValues, NormalizedRenderTarget, RenderTarget, RenderTargetInfo,
     visibility::{InheritedVisibility, RenderLayers},
 };
 use bevy_circumsphere::{RayHit, SurfacePickingPlugin, prelude::*};
 use bevy_ecs::prelude::*;
 use bevy_math::Dir3;
 use bevy_picking::{
-    Pickable,
+    InteractionPlugin, Pickable, PickingPlugin,
     backend::{
         PointerHits,
         ray::{RayId, RayMap},
     },
-    pointer::PointerId,
+    events::{PointerClick, PointerOut, PointerOver},
+    pointer::{Location, PointerAction, PointerButton, PointerId, PointerInput},
 };
 use bevy_shape::Ray3d;
+use bevy_time::TimePlugin;
+use bevy_transform::components::{GlobalTransform, Transform};
+use bevy_window::{PrimaryWindow, Window};
 use circumsphere_support::scenes::{Diagonals, grid};
-use glam::Vec3;
+use glam::{UVec2, Vec2, Vec3, camera::rh::proj::directx::perspective_infinite_reverse};
 
 #[derive(Resource, Default)]
 struct Heard(Vec<PointerHits>);
@@ -99,4 +103,77 @@ fn what_cannot_be_picked_is_passed_through() {
     assert_eq!(picked(&mut app), [(upper, 1.0)]);
     app.world_mut().despawn(camera);
     assert_eq!(picked(&mut app), []);
+}
+
+/// The pixels of a screen.
+const SIZE: UVec2 = UVec2::new(800, 600);
+
+/// What observers of a surface were told: what happened, to whom, and at which height.
+#[derive(Resource, Default, Debug)]
+struct Told(Vec<(&'static str, Entity, Option<f32>)>);
+
+/// The height at which a hit of our backend is, which comes with the triangle.
+fn height(hit: &bevy_picking::backend::HitData) -> Option<f32> {
+    hit.extra_as::<RayHit>().map(|hit| hit.point.y)
+}
+
+/// From the input of a mouse to the observers: only what a window and a renderer would fill in is made by hand.
+#[test]
+fn a_mouse_hovers_over_and_clicks_on_a_surface_where_it_is_deformed_to() {
+    let mut app = App::new();
+    app.add_plugins((TimePlugin, PickingPlugin, InteractionPlugin, SurfacePickingPlugin));
+    app.add_plugins(DeformableCollisionPlugins::new(PostUpdate));
+    app.init_resource::<Told>();
+    app.add_observer(|over: On<PointerOver>, mut told: ResMut<Told>| {
+        told.0.push(("over", over.entity, height(&over.hit)));
+    });
+    app.add_observer(|out: On<PointerOut>, mut told: ResMut<Told>| told.0.push(("out", out.entity, None)));
+    app.add_observer(|click: On<PointerClick>, mut told: ResMut<Told>| {
+        told.0.push(("click", click.entity, height(&click.hit)));
+    });
+    app.finish();
+    app.cleanup();
+    let window = app.world_mut().spawn((Window::default(), PrimaryWindow)).id();
+    // Five above the origin, looking down, and seeing 90 degrees.
+    let looking = Transform::from_xyz(0.0, 5.0, 0.0).looking_at(Vec3::ZERO, Vec3::NEG_Z);
+    let computed = ComputedCameraValues {
+        clip_from_view: perspective_infinite_reverse(std::f32::consts::FRAC_PI_2, SIZE.x as f32 / SIZE.y as f32, 0.1),
+        target_info: Some(RenderTargetInfo { physical_size: SIZE, scale_factor: 1.0 }),
+        ..ComputedCameraValues::default()
+    };
+    let target = RenderTarget::None { size: SIZE };
+    let camera = Camera { computed, ..Camera::default() };
+    app.world_mut().spawn((camera, target, looking, GlobalTransform::from(looking)));
+    app.world_mut().spawn(PointerId::Mouse);
+    let surface = sheet(&mut app, 0.0, ());
+
+    let act = |app: &mut App, pixel: Vec2, actions: &[PointerAction]| -> Vec<(&'static str, Entity, Option<f32>)> {
+        let target = NormalizedRenderTarget::None { width: SIZE.x, height: SIZE.y };
+        for &action in actions {
+            let location = Location { target: target.clone(), position: pixel };
+            app.world_mut().write_message(PointerInput::new(PointerId::Mouse, location, action));
+        }
+        app.update();
+        let mut told = std::mem::take(&mut app.world_mut().resource_mut::<Told>().0);
+        // The window is below everything.
+        told.retain(|(_, entity, _)| *entity != window);
+        told
+    };
+    let moved = [PointerAction::Move { delta: Vec2::ONE }];
+    let clicked = [PointerAction::Press(PointerButton::Primary), PointerAction::Release(PointerButton::Primary)];
+    app.update();
+    // At a height of 0, a pixel is 5 / 300 wide. The sheet is 2 wide: it ends 60 pixels from the middle.
+    let (middle, beside) = (Vec2::new(410.0, 290.0), Vec2::new(470.0, 300.0));
+    assert_eq!(act(&mut app, beside, &moved), []);
+    assert_eq!(act(&mut app, middle, &moved), [("over", surface, Some(0.0))]);
+    assert_eq!(act(&mut app, middle, &clicked), [("click", surface, Some(0.0))]);
+    assert_eq!(act(&mut app, beside, &moved), [("out", surface, None)]);
+    assert_eq!(act(&mut app, beside, &clicked), []);
+    // It rises to 2, where a pixel is 3 / 300 wide, and now reaches under the same pixel.
+    for position in &mut app.world_mut().get_mut::<SurfacePositions>(surface).expect("it is a surface").0 {
+        position.y = 2.0;
+    }
+    app.update();
+    assert_eq!(act(&mut app, beside, &[]), [("over", surface, Some(2.0))]);
+    assert_eq!(act(&mut app, beside, &clicked), [("click", surface, Some(2.0))]);
 }

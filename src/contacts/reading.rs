@@ -47,7 +47,7 @@ impl SurfaceContacts<'_> {
 
     /// All pairs of sides that are in contact or close to it, with their contacts, in the order of the
     /// [`ContactStore`].
-    #[cfg(feature = "rerun")]
+    #[cfg(any(feature = "gizmos", feature = "rerun"))]
     pub(crate) fn by_pair(&self) -> impl Iterator<Item = (&StoredPair, impl Iterator<Item = Contact<'_>>)> {
         self.store.pairs.iter().map(|pair| (pair, Self::contacts(pair, false)))
     }

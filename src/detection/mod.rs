@@ -28,7 +28,7 @@ pub use exact::{ExactPlugin, ExactTrianglePairs};
 pub use pair_contacts::{PairContacts, SharedList};
 pub use pair_fates::PairFates;
 pub(crate) use pairs::moved_box;
-#[cfg(feature = "rerun")]
+#[cfg(any(feature = "gizmos", feature = "rerun"))]
 pub(crate) use pairs::surfaces_with_method;
 pub use pairs::{CandidateTrianglePairs, Frame, OtherSide, SurfacePair};
 pub(crate) use parallel::Threads;

@@ -10,8 +10,8 @@ use bevy_picking::backend::prelude::{HitData, Pickable, PickingSystems, PointerH
 
 use super::{RayHit, SurfaceQuery, SurfaceQueryFilter};
 
-/// Lets `bevy_picking` find surfaces and rigid shapes under pointers, so that observers of `Pointer<Over>`, `Pointer<Click>`, and
-/// the like work on meshes that deform. Add it beside the plugins of `bevy_picking`. Where a mesh is a surface, leave out
+/// Lets `bevy_picking` find surfaces and rigid shapes under pointers, so that observers of `PointerOver`, `PointerClick`, and the
+/// like work on meshes that deform. Add it beside the plugins of `bevy_picking`. Where a mesh is a surface, leave out
 /// Bevy's `MeshPickingPlugin` or its hits: it sees the mesh as it was loaded.
 ///
 /// - Pointers hit what the last detection saw: surfaces in the pose in which they were last drawn.

@@ -33,8 +33,8 @@ pub use components::{
 pub use contact_filter::{CandidatePair, ContactFilter};
 #[cfg(feature = "mesh")]
 pub use mesh::{
-    DrivenMesh, SurfaceFromMesh, SurfaceFromMeshHierarchy, SurfaceMeshError, SurfaceMeshNotWritten, SurfaceMeshPlugin,
-    SurfaceSettings, WriteSurfaceToMesh,
+    DrivenMesh, SurfaceFromMesh, SurfaceFromMeshHierarchy, SurfaceJoints, SurfaceMeshError, SurfaceMeshNotWritten,
+    SurfaceMeshPlugin, SurfaceSettings, WriteSurfaceToMesh,
 };
 pub(crate) use pair_filter::{FilterSide, PairFilter};
 pub use prepare::SurfacePlugin;

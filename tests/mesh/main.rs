@@ -5,6 +5,7 @@
 mod deformed;
 mod driven;
 mod hierarchy;
+mod joints;
 mod layouts;
 mod life_cycle;
 mod normals;

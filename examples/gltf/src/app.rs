@@ -8,16 +8,18 @@ use bevy_animation::{
 use bevy_app::{AnimationSystems, prelude::*};
 use bevy_asset::{AssetPlugin, AssetServer, Assets, Handle, LoadState};
 use bevy_circumsphere::{
+    RayHit,
     prelude::*,
     response::{XpbdBody, XpbdMaterial, XpbdResponsePlugin, XpbdTethers},
 };
-use bevy_ecs::prelude::*;
+use bevy_ecs::{prelude::*, system::RunSystemOnce};
 use bevy_gltf::{Gltf, GltfPlugin};
 use bevy_image::ImagePlugin;
 use bevy_mesh::MeshPlugin;
 use bevy_time::{TimePlugin, TimeUpdateStrategy};
 use bevy_transform::TransformPlugin;
 use bevy_world_serialization::{WorldAssetRoot, WorldSerializationPlugin};
+use glam::Vec3;
 
 /// Distance that a garment keeps from the skin, in meters.
 const CLEARANCE: f32 = 0.004;
@@ -33,6 +35,9 @@ const PATIENCE: usize = 10_000;
 
 /// Half the contact distance, in meters.
 const THICKNESS: SurfaceThickness = SurfaceThickness::World(0.004);
+
+/// Distance of a shooter, in meters.
+const DISTANCE: f32 = 10.0;
 
 /// Who plays in the scene.
 #[derive(Resource, Clone, Debug, PartialEq, Eq)]
@@ -103,6 +108,36 @@ pub fn load(app: &mut App, file: &str) -> Result<(), String> {
     }
     app.insert_resource(TimeUpdateStrategy::ManualDuration(Duration::from_nanos(1_000_000_000 / 60)));
     Ok(())
+}
+
+/// What a bullet hits.
+#[derive(Clone, Debug)]
+pub struct Shot {
+    pub hit: RayHit,
+    /// The name of the joint that moves the place most.
+    pub joint: Option<String>,
+}
+
+/// Shoots level, along −z, at the vertex of a mesh that is nearest to a height above its lowest vertex: 0 to 1, in parts
+/// of the height of the mesh. `None` if there is no such mesh.
+pub fn shoot(app: &mut App, target: &str, height: f32) -> Option<Shot> {
+    let target = target.to_owned();
+    let shoot = move |skins: Query<(&Name, &SurfacePositions)>,
+                      names: Query<&Name>,
+                      surfaces: SurfaceQuery,
+                      joints: SurfaceJoints| {
+        let (_, positions) = skins.iter().find(|(name, _)| name.as_str() == target)?;
+        let heights = || positions.0.iter().map(|at| at.y);
+        let (low, high) = (heights().fold(f32::INFINITY, f32::min), heights().fold(f32::NEG_INFINITY, f32::max));
+        let off = |at: &Vec3| (at.y - (low + (high - low) * height)).abs();
+        let aim = *positions.0.iter().min_by(|a, b| off(a).total_cmp(&off(b)))?;
+        let origin = aim + DISTANCE * Vec3::Z;
+        let hit = surfaces.cast_ray(origin, Vec3::NEG_Z, 2.0 * DISTANCE, &SurfaceQueryFilter::default())?;
+        let joint = joints.dominant(hit.entity, hit.triangle, hit.barycentric);
+        let joint = joint.and_then(|joint| names.get(joint).ok()).map(|name| name.as_str().to_owned());
+        Some(Shot { hit, joint })
+    };
+    app.world_mut().run_system_once(shoot).ok().flatten()
 }
 
 /// Plays the first animation of the file.

@@ -6,4 +6,4 @@
 mod app;
 pub mod file;
 
-pub use app::{Cast, character_app, load};
+pub use app::{Cast, Shot, character_app, load, shoot};

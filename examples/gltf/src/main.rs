@@ -13,7 +13,7 @@ use std::{
 
 use bevy_circumsphere::{ContactStore, detection::DetectionDiagnostics, prelude::*, response::XpbdDiagnostics};
 use bevy_ecs::prelude::*;
-use circumsphere_gltf::{Cast, character_app, file, load};
+use circumsphere_gltf::{Cast, character_app, file, load, shoot};
 use clap::Parser;
 
 /// Exit status for bad input: the shell's convention for wrong usage.
@@ -21,6 +21,9 @@ const BAD_INPUT: u8 = 2;
 
 /// Ticks between the rows of the table.
 const ROW: usize = 30;
+
+/// Where a bullet is shot at the character in one row after the other, in parts of its height.
+const HEIGHTS: [f32; 3] = [0.9, 0.1, 0.5];
 
 /// Let a character from a glTF file walk in its skirt.
 #[derive(Parser, Debug)]
@@ -76,20 +79,33 @@ fn run(options: &Options) -> Result<(), String> {
         // The reader of the table may have closed the pipe, here and below.
         let _ = writeln!(out, "{name}: {vertices} vertices, {triangles} triangles, {status:?}");
     }
-    let _ = writeln!(out, "{:>6} {:>9} {:>9} {:>12} {:>11}", "tick", "touching", "contacts", "detection ms", "tick ms");
+    let _ = writeln!(
+        out,
+        "{:>6} {:>9} {:>9} {:>12} {:>11}  bullet hits",
+        "tick", "touching", "contacts", "detection ms", "tick ms"
+    );
     let mut times = Vec::new();
     for tick in 1..=options.ticks {
         let start = Instant::now();
         app.update();
         times.push(start.elapsed());
         if tick % ROW == 0 || tick == options.ticks {
+            let elapsed = start.elapsed();
+            let shot = shoot(&mut app, &options.skin, HEIGHTS[tick / ROW % HEIGHTS.len()]);
             let world = app.world();
+            let hit = shot.map_or_else(
+                || "nothing".to_owned(),
+                |shot| {
+                    let target = world.get::<Name>(shot.hit.entity).map_or("unnamed", Name::as_str);
+                    shot.joint.map_or_else(|| target.to_owned(), |joint| format!("{target}, moved by {joint}"))
+                },
+            );
             let (store, detection) =
                 (world.resource::<ContactStore>(), world.resource::<DetectionDiagnostics>().total());
-            let milliseconds = [detection, start.elapsed()].map(|time| 1.0e3 * time.as_secs_f64());
+            let milliseconds = [detection, elapsed].map(|time| 1.0e3 * time.as_secs_f64());
             let _ = writeln!(
                 out,
-                "{tick:>6} {:>9} {:>9} {:>12.2} {:>11.2}",
+                "{tick:>6} {:>9} {:>9} {:>12.2} {:>11.2}  {hit}",
                 store.touching_count(),
                 store.contact_count(),
                 milliseconds[0],

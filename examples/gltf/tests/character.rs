@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use bevy_app::App;
 use bevy_circumsphere::{ContactStore, SurfaceDetection, SurfaceDetectionSystems, prelude::*};
 use bevy_ecs::prelude::*;
-use circumsphere_gltf::{Cast, character_app, file, load};
+use circumsphere_gltf::{Cast, character_app, file, load, shoot};
 use circumsphere_truth::{compare, exact_weld, touching_pairs_between_tree, touching_pairs_tree, triangles_cross};
 use glam::{DVec3, Vec3};
 
@@ -117,6 +117,30 @@ fn contacts_are_those_of_the_truth_and_nothing_crosses() {
     println!("{matched:?} pairs matched");
     // The leg swings against the skirt, and the skirt folds.
     assert!(matched.iter().all(|&count| count > 50), "{matched:?}");
+}
+
+/// The truth is the share of the leg from which the file was made.
+#[test]
+fn a_bullet_hits_the_joint_that_moves_the_place() {
+    let mut app = character_app(&assets(), cast(None));
+    load(&mut app, "character.glb").expect("it can be loaded");
+    let character = file::character();
+    let (mut torso, mut leg) = (0, 0);
+    for tick in 0..60 {
+        app.update();
+        let shot = shoot(&mut app, file::SKIN, tick as f32 / 59.0).expect("there is a skin");
+        let corners = character.rest().triangles[shot.hit.triangle.expect("a surface has triangles").index()];
+        let shares = corners.map(|corner| character.leg_shares()[corner as usize] as f32);
+        let share: f32 = shares.iter().zip(shot.hit.barycentric).map(|(share, weight)| share * weight).sum();
+        if share > 0.5 {
+            assert_eq!(shot.joint.as_deref(), Some("Leg"), "tick {tick}");
+            leg += 1;
+        } else if share < 0.5 {
+            assert_eq!(shot.joint.as_deref(), Some("Torso"), "tick {tick}");
+            torso += 1;
+        }
+    }
+    assert!(torso > 15 && leg > 15, "{torso} {leg}");
 }
 
 #[test]

@@ -1,17 +1,21 @@
 //! Draws contacts: points, normals, separations of the deepest, and penetrations.
 
-use bevy_ecs::{entity::EntityHashMap, prelude::*};
-use rerun::{AnyValues, Arrows3D, AsComponents, Color, LineStrips3D, Points3D, Radius};
+use bevy_ecs::prelude::*;
+use rerun::{AnyValues, Arrows3D, AsComponents, LineStrips3D, Points3D, Radius};
 
 use super::{
     colors,
+    names::{ALL_PAIRS, MANY_PAIRS, Names},
     recorder::{Layer, Share, TickWriter, path, row_bytes},
     settings::RerunSettings,
-    tick::{ALL_PAIRS, Detected, MANY_PAIRS, Names, has_passed},
     values,
 };
 use crate::{
     contacts::{Contact, StoredPair},
+    debug::{
+        contacts::NormalLengths,
+        tick::{Detected, has_passed},
+    },
     surface::DeformableSurface,
 };
 
@@ -22,7 +26,7 @@ const LABELS: usize = 3;
 const POINT: Radius = Radius(rerun::datatypes::Float32(-4.0));
 const LINE: Radius = Radius(rerun::datatypes::Float32(-1.5));
 
-/// Draws all contacts. Normals are half as long as the mean edge of the finer side.
+/// Draws all contacts.
 pub(super) fn draw(
     writer: &mut TickWriter,
     detected: &Detected,
@@ -30,20 +34,8 @@ pub(super) fn draw(
     names: &Names,
     surfaces: &Query<&DeformableSurface>,
 ) {
-    let edges: EntityHashMap<f32> = detected
-        .active
-        .surfaces
-        .iter()
-        .filter_map(|active| {
-            Some((active.entity, surfaces.get(active.entity).ok()?.mean_edge() * active.pose.scale() as f32))
-        })
-        .collect();
-    let of_pair = |pair: &StoredPair| {
-        let sides = [pair.a.entity(), pair.b.entity()];
-        // Nothing is known about a surface that is gone.
-        let finer = sides.iter().filter_map(|side| edges.get(side)).copied().reduce(f32::min);
-        (names.of_pair(sides), 0.5 * finer.unwrap_or(0.0))
-    };
+    let lengths = NormalLengths::new(detected, surfaces);
+    let of_pair = |pair: &StoredPair| (names.of_pair([pair.a.entity(), pair.b.entity()]), lengths.of(pair));
     let named: Vec<(String, f32)> = detected.contacts.by_pair().map(|(pair, _)| of_pair(pair)).collect();
     let pairs = detected.contacts.by_pair().zip(&named).map(|((_, contacts), (name, normal_length))| {
         contacts.map(|contact| Drawn { contact, pair: name, normal_length: *normal_length }).collect()
@@ -94,16 +86,6 @@ fn passed<'a>(contacts: &[Drawn<'a>]) -> Vec<Drawn<'a>> {
     contacts.iter().copied().filter(|drawn| has_passed(&drawn.contact)).collect()
 }
 
-fn color(contact: &Contact) -> Color {
-    if has_passed(contact) {
-        colors::PENETRATING
-    } else if contact.separation() <= 0.0 {
-        colors::TOUCHING
-    } else {
-        colors::NEAR
-    }
-}
-
 /// The pair, triangles, distance, and separation of each contact.
 fn numbers(contacts: &[Drawn]) -> AnyValues {
     let side = |drawn: &Drawn| {
@@ -128,11 +110,11 @@ fn draw_contacts(writer: &mut TickWriter, share: &mut Share, name: &str, contact
     let of = |kind: &str| path([Layer::Contacts.name(), kind, name]);
     // Draw the point on the first side. The second side is at the other end of the normal.
     let points: Vec<[f32; 3]> = kept.iter().map(|drawn| drawn.contact.points().0.to_array()).collect();
-    let point_colors = kept.iter().map(|drawn| color(&drawn.contact));
+    let point_colors = kept.iter().map(|drawn| colors::contact(&drawn.contact));
     let marks = Points3D::new(points.iter().copied()).with_colors(point_colors).with_radii([POINT]);
     writer.passing_row(of("points"), &[&marks, &numbers(&kept)]);
     let normals = kept.iter().map(|drawn| (drawn.contact.normal() * drawn.normal_length).to_array());
-    let arrows = Arrows3D::from_vectors(normals).with_origins(points).with_colors([colors::YELLOW]).with_radii([LINE]);
+    let arrows = Arrows3D::from_vectors(normals).with_origins(points).with_colors([colors::NORMALS]).with_radii([LINE]);
     writer.passing_row(of("normals"), &[&arrows]);
 }
 
@@ -152,7 +134,7 @@ fn draw_depths(writer: &mut TickWriter, mut contacts: Vec<Drawn>) {
     let depths = Points3D::new(contacts.iter().map(|drawn| drawn.contact.points().1.to_array()))
         .with_labels(contacts.iter().map(|drawn| format!("{:.2e}", drawn.contact.separation())))
         .with_show_labels(true)
-        .with_colors(contacts.iter().map(|drawn| color(&drawn.contact)))
+        .with_colors(contacts.iter().map(|drawn| colors::contact(&drawn.contact)))
         .with_radii([POINT]);
     writer.passing_row(path([Layer::Contacts.name(), "depths"]), &[&depths, &numbers(&contacts)]);
 }
@@ -163,7 +145,7 @@ fn draw_penetrations(writer: &mut TickWriter, share: &mut Share, name: &str, con
     let of = |kind: &str| path([Layer::Penetrations.name(), kind, name]);
     if !crossings.is_empty() {
         let marks = Points3D::new(crossings.iter().map(|drawn| drawn.contact.points().0.to_array()))
-            .with_colors([colors::PURPLE])
+            .with_colors([colors::CROSSINGS])
             .with_radii([POINT]);
         writer.passing_row(of("crossings"), &[&marks, &numbers(&crossings)]);
     }

@@ -7,18 +7,22 @@ use std::sync::Arc;
 
 use bevy_ecs::entity::EntityHashMap;
 use glam::Vec3;
-use rerun::{AsComponents, Color, EntityPath, LineStrips3D, Mesh3D};
+use rerun::{AsComponents, EntityPath, LineStrips3D, Mesh3D};
 
 use super::{
-    colors,
+    colors::{self, Color},
+    names::{Names, transform},
     recorder::{Layer, TickWriter, path},
-    settings::{LevelOfDetail, RerunSettings},
-    tick::{Detected, Names, Touch, Touches, scene_bounds, transform},
-    wires::wires,
+    settings::RerunSettings,
 };
 use crate::{
+    debug::{
+        LevelOfDetail,
+        tick::{Detected, Scene, Touch, Touches},
+        wires::wires,
+    },
     kernel::{exact::rigid_shape::ShapeGeometry, mesh::topology::SurfaceTopology, pose::Pose},
-    surface::{ActiveSurface, ActiveSurfaces},
+    surface::ActiveSurface,
 };
 
 /// The meshes and shapes that the viewer currently shows.
@@ -28,31 +32,6 @@ pub(super) struct ShownBodies {
     shapes: EntityHashMap<ShownShape>,
     /// The place of the first surfaces, used to draw infinite shapes.
     scene: Option<Scene>,
-}
-
-/// A ball around the surfaces.
-#[derive(Clone, Copy, PartialEq)]
-struct Scene {
-    center: Vec3,
-    reach: f32,
-}
-
-/// The scene that is used before there are surfaces.
-const EMPTY_SCENE: Scene = Scene { center: Vec3::ZERO, reach: 10.0 };
-
-impl Scene {
-    /// `None` if there are no surfaces.
-    fn of(active: &ActiveSurfaces) -> Option<Self> {
-        let bounds = scene_bounds(active);
-        let reach = (bounds.max - bounds.min).length();
-        (reach.is_finite() && reach > 0.0).then(|| Self { center: (bounds.min + bounds.max) * 0.5, reach })
-    }
-
-    /// The scene in the own frame of a shape with this pose.
-    fn seen_from(self, pose: &Pose) -> Self {
-        let center = pose.inverse().transform_point(self.center.as_dvec3()).as_vec3();
-        Self { center, reach: (f64::from(self.reach) / pose.scale()) as f32 }
-    }
 }
 
 /// A mesh as the viewer shows it.
@@ -108,7 +87,7 @@ impl ShownBodies {
             let path = path([Layer::Shapes.name(), &names.of(shape.entity)]);
             let next = ShownShape { path, geometry: Arc::clone(&shape.geometry), pose: shape.pose, scene: self.scene };
             let Ok(rigid) = detected.shapes.get(shape.entity) else { continue };
-            let scene = self.scene.map_or(EMPTY_SCENE, |scene| scene.seen_from(&shape.pose));
+            let scene = Scene::of_shape(self.scene, &shape.pose);
             let wires = || wires(&rigid.0, scene.center, scene.reach);
             if let Some(shown) = next.draw(writer, before_shapes.remove(&shape.entity), wires) {
                 self.shapes.insert(shape.entity, shown);
@@ -138,18 +117,13 @@ impl ShownMesh {
                 vertices[vertex as usize] = touch.max(vertices[vertex as usize]);
             }
         }
-        let color = |touch| match touch {
-            Touch::None => colors::surface(place),
-            Touch::Touching => colors::TOUCHING,
-            Touch::Penetrating => colors::PENETRATING,
-        };
         Self {
             path,
             topology: Arc::clone(&surface.topology),
             triangles: (level == LevelOfDetail::NearContacts).then(|| touches.triangles(level, place)),
             pose: surface.pose,
             positions: positions.to_vec(),
-            colors: vertices.into_iter().map(color).collect(),
+            colors: vertices.into_iter().map(|touch| colors::touch(place, touch)).collect(),
         }
     }
 
@@ -193,7 +167,7 @@ impl ShownMesh {
         }
         let mut mesh = Mesh3D::update_fields();
         if new_triangles {
-            mesh = mesh.with_albedo_factor(colors::MESH_FACTOR.0);
+            mesh = mesh.with_albedo_factor(colors::MESH_FACTOR);
             mesh = match &self.triangles {
                 Some(kept) => mesh.with_triangle_indices(kept.iter().map(|&kept| triangles[kept as usize])),
                 None => mesh.with_triangle_indices(triangles.iter().copied()),

@@ -7,6 +7,7 @@ mod blueprint;
 mod colors;
 mod contacts;
 mod meshes;
+mod names;
 mod pairs;
 mod patches;
 mod recorder;
@@ -14,9 +15,7 @@ mod series;
 mod settings;
 mod surfaces;
 mod text_log;
-mod tick;
 mod values;
-mod wires;
 
 use std::{
     collections::BTreeSet,
@@ -34,16 +33,18 @@ use bevy_time::Time;
 
 use self::{
     meshes::ShownBodies,
+    names::Names,
     recorder::{Layer, Shown, Thinned, TickWriter},
     series::Series,
-    tick::{Detected, Names, Touches, scene_bounds},
 };
 use crate::{
     contacts::{SurfaceContacts, TouchingSides},
+    debug::tick::{Detected, Touches, scene_bounds},
+    detection::DetectionDiagnostics,
     schedule::{DeformableSystems, HostSchedule, run_detection},
     surface::{ActiveSurfaces, DeformableSurface, RigidShape, SurfacePositions, SurfaceQuarantined},
 };
-pub use settings::{LevelOfDetail, RerunSettings};
+pub use settings::RerunSettings;
 
 /// The timelines of a recording.
 const TICK: &str = "tick";
@@ -220,11 +221,13 @@ fn record_detection(
     settings: Res<RerunSettings>,
     detected: Detected,
     surfaces: Query<&DeformableSurface>,
+    diagnostics: Res<DetectionDiagnostics>,
+    given: Query<&Name>,
     clock: Option<Res<Time>>,
 ) {
     let start = Instant::now();
     let Recorder { stream, shown, names, bodies, series, tick, cost, has_layout, .. } = &mut *recorder;
-    let number = detected.store.tick();
+    let number = detected.contacts.tick();
     let mut time = TimePoint::default();
     time.insert_cell(
         TimelineName::from_static_str(TICK),
@@ -235,7 +238,7 @@ fn record_detection(
     }
     let has_layers = number.is_multiple_of(u64::from(settings.every.max(1)));
     *tick = RecordedTick { time: time.clone(), has_layers, ..RecordedTick::default() };
-    names.update(&detected);
+    names.update(&detected, &given);
     if !settings.series {
         series.forget();
     }
@@ -252,7 +255,7 @@ fn record_detection(
         }
         let mut writer = TickWriter::new(stream, time, settings.bytes_per_tick, shown);
         if let Some(steadiness) = &steadiness {
-            series.draw(&mut writer, &detected, &settings, steadiness, *cost);
+            series.draw(&mut writer, &diagnostics, &settings, steadiness, *cost);
         }
         bodies.draw(&mut writer, &detected, &settings, names, &touches);
         contacts::draw(&mut writer, &detected, &settings, names, &surfaces);

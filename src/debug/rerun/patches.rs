@@ -7,15 +7,18 @@ use rerun::{AsComponents, LineStrips3D, Mesh3D};
 
 use super::{
     colors,
+    names::{Names, transform},
     recorder::{Layer, TickWriter, path, row_bytes},
-    settings::LevelOfDetail,
-    tick::{Detected, Names, Touches, transform},
     values,
 };
-use crate::kernel::smooth::patch::Patch;
-
-/// Each edge of a patch is drawn as this many segments.
-const SEGMENTS: u32 = 4;
+use crate::{
+    debug::{
+        LevelOfDetail,
+        patches::{SEGMENTS, outline, smooth, triangles, weights},
+        tick::{Detected, Touches},
+    },
+    kernel::smooth::patch::Patch,
+};
 
 /// The numbers of points and triangles of a patch as it is drawn.
 const POINTS: usize = ((SEGMENTS + 1) * (SEGMENTS + 2) / 2) as usize;
@@ -24,23 +27,6 @@ const TRIANGLES: usize = (SEGMENTS * SEGMENTS) as usize;
 /// Bytes of a patch: positions and normals, triangles, the outline, and a number.
 const BYTES: usize = 24 * POINTS + 12 * TRIANGLES + 4 * 12 + 4 + 4;
 
-/// The weights of the corners at the points, row by row from the first corner.
-fn weights() -> impl Iterator<Item = [f64; 3]> {
-    let share = |part: u32| f64::from(part) / f64::from(SEGMENTS);
-    (0..=SEGMENTS).flat_map(move |row| (0..=row).map(move |at| [1.0 - share(row), share(row - at), share(at)]))
-}
-
-/// The triangles between the points.
-fn triangles() -> impl Iterator<Item = [u32; 3]> {
-    // A row begins after those above it.
-    let point = |row: u32, at: u32| row * (row + 1) / 2 + at;
-    (0..SEGMENTS).flat_map(move |row| {
-        let upright = (0..=row).map(move |at| [point(row, at), point(row + 1, at), point(row + 1, at + 1)]);
-        let turned = (0..row).map(move |at| [point(row, at), point(row + 1, at + 1), point(row, at + 1)]);
-        upright.chain(turned)
-    })
-}
-
 pub(super) fn draw(
     writer: &mut TickWriter,
     detected: &Detected,
@@ -48,16 +34,7 @@ pub(super) fn draw(
     names: &Names,
     touches: &Touches,
 ) {
-    let smooth: Vec<_> = detected
-        .active
-        .surfaces
-        .iter()
-        .enumerate()
-        .filter_map(|(place, surface)| {
-            let state = detected.states.get(surface.entity).filter(|state| state.is_smooth())?;
-            Some((surface, state, touches.triangles(level, place)))
-        })
-        .collect();
+    let smooth: Vec<_> = smooth(detected, level, touches).collect();
     let count = smooth.iter().map(|(.., triangles)| triangles.len()).sum();
     let filled = smooth.iter().filter(|(.., triangles)| !triangles.is_empty()).count();
     let mut share = writer.share(Layer::Patches, count, BYTES, filled, row_bytes(10));
@@ -76,11 +53,8 @@ pub(super) fn draw(
             .with_vertex_positions(at_points(|patch, weights| patch.point(weights).as_vec3()))
             .with_vertex_normals(at_points(|patch, weights| patch.normal(weights).as_vec3()))
             .with_triangle_indices((0..patches.len()).flat_map(own))
-            .with_albedo_factor(colors::PATCHES.0);
-        let outlines = patches.iter().map(|patch| {
-            let [a, b, c] = patch.corners.map(|corner| corner.as_vec3().to_array());
-            [a, b, c, a]
-        });
+            .with_albedo_factor(colors::PATCHES);
+        let outlines = patches.iter().map(|patch| outline(patch).map(|corner| corner.to_array()));
         let outlines = LineStrips3D::new(outlines).with_colors([colors::OUTLINES]).with_radii([colors::THIN]);
         let pose = transform(&surface.pose);
         let rows: [&dyn AsComponents; 4] = [&mesh, &outlines, &values::triangles(&kept), &pose];

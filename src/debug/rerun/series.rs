@@ -11,13 +11,14 @@ use rerun::{Scalars, SeriesLines};
 
 use super::{
     colors,
+    names::Names,
     recorder::{TickWriter, path},
     settings::RerunSettings,
-    tick::{Detected, Names, Touch, Touches},
 };
 use crate::{
     contacts::{Contact, SurfaceContacts},
-    detection::StageDiagnostics,
+    debug::tick::{Detected, Touch, Touches},
+    detection::{DetectionDiagnostics, StageDiagnostics},
     kernel::contact::ContactKey,
     surface::{ActiveSurfaces, ContactSide, DeformableSurface, SurfacePositions},
 };
@@ -139,12 +140,11 @@ impl Series {
     pub(super) fn draw(
         &mut self,
         writer: &mut TickWriter,
-        detected: &Detected,
+        diagnostics: &DetectionDiagnostics,
         settings: &RerunSettings,
         steadiness: &Steadiness,
         recording: Duration,
     ) {
-        let diagnostics = &detected.diagnostics;
         if settings.times {
             let mut stages: Vec<(String, f64)> = diagnostics
                 .stages

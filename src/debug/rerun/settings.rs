@@ -4,18 +4,7 @@ use bevy_ecs::prelude::*;
 #[cfg(feature = "reflect")]
 use bevy_reflect::prelude::*;
 
-/// How much of a layer is recorded.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
-#[cfg_attr(feature = "reflect", derive(Reflect), reflect(Clone, Debug, PartialEq))]
-pub enum LevelOfDetail {
-    /// Nothing.
-    Off,
-    /// Triangles that touch others, and triangles that share a vertex with them. For pairs: those of two such triangles
-    /// that no slab separates.
-    NearContacts,
-    /// Everything.
-    All,
-}
+use crate::debug::LevelOfDetail;
 
 /// What [`DeformableRerunPlugin`](super::DeformableRerunPlugin) records. Changes take effect in the next tick.
 ///

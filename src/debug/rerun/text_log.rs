@@ -9,8 +9,8 @@ use std::collections::BTreeSet;
 use rerun::{TextLog, TextLogLevel};
 
 use super::{
+    names::Names,
     recorder::{Layer, Thinned, TickWriter, path},
-    tick::Names,
 };
 use crate::{contacts::TouchingSides, surface::SurfaceQuarantined};
 

@@ -53,3 +53,20 @@ pub fn skin(positions: &[Vec3], influences: &[Influences], joints: &[Affine3A], 
         Vec3::from(x * position.x + y * position.y + z * position.z + translation)
     }));
 }
+
+/// The joint with the largest weight at a point of a triangle: the weights of its corners' `influences`, interpolated by
+/// the barycentric weights of the point. Of several, the lowest. `None` if no joint has a positive weight there.
+#[must_use]
+pub fn dominant_joint(influences: [&Influences; 3], barycentric: [f32; 3]) -> Option<u16> {
+    let at_point = |joint: u16| -> f64 {
+        let at_corner = |influences: &Influences| -> f64 {
+            influences.acting().filter(|&(other, _)| other == joint).map(|(_, weight)| f64::from(weight)).sum()
+        };
+        influences.iter().zip(barycentric).map(|(corner, share)| f64::from(share) * at_corner(corner)).sum()
+    };
+    let joints = influences.iter().flat_map(|corner| corner.acting()).map(|(joint, _)| (at_point(joint), joint));
+    let (_, joint) = joints
+        .filter(|&(weight, _)| weight > 0.0)
+        .max_by(|(weight, joint), (other_weight, other)| weight.total_cmp(other_weight).then(other.cmp(joint)))?;
+    Some(joint)
+}

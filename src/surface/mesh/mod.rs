@@ -5,6 +5,7 @@ mod components;
 mod drive;
 mod error;
 mod hierarchy;
+mod joints;
 mod read;
 mod source;
 mod write;
@@ -21,6 +22,7 @@ use crate::schedule::DeformableSystems;
 pub use components::{SurfaceFromMesh, SurfaceFromMeshHierarchy, SurfaceSettings, WriteSurfaceToMesh};
 pub use drive::DrivenMesh;
 pub use error::{SurfaceMeshError, SurfaceMeshNotWritten};
+pub use joints::SurfaceJoints;
 
 /// Makes surfaces from meshes. Part of [`DeformableCollisionPlugins`](crate::DeformableCollisionPlugins) if the
 /// feature `mesh` is on. May be added before or after the plugins that bring the assets. Without these, surfaces from

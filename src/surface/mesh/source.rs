@@ -71,6 +71,11 @@ impl MeshSources {
         Some(entry.source.as_ref().map_err(Clone::clone))
     }
 
+    /// What moves the vertices of a skinned mesh.
+    pub(super) fn influences(&self, key: SourceKey) -> Option<&[Influences]> {
+        self.sources.get(&key)?.source.as_ref().ok()?.influences.as_deref().ok()
+    }
+
     /// The positions that the asset is known to have.
     pub(super) fn positions_mut(&mut self, key: SourceKey) -> Option<&mut Vec<Vec3>> {
         self.sources.get_mut(&key)?.source.as_mut().ok().map(|source| &mut source.positions)

@@ -1,21 +1,12 @@
-//! The results of a tick, collected for the layers that draw it.
+//! The results of a tick, collected for the layers that show it.
 
-use bevy_ecs::{
-    entity::{EntityHashMap, EntityHashSet},
-    prelude::*,
-    query::QueryData,
-    system::SystemParam,
-};
+use bevy_ecs::{entity::EntityHashMap, prelude::*, query::QueryData, system::SystemParam};
 use glam::Vec3;
-use rerun::{Transform3D, components::TransformMat3x3};
 
-use super::settings::LevelOfDetail;
+use super::LevelOfDetail;
 use crate::{
-    contacts::{Contact, ContactStore, StoredPair, SurfaceContacts},
-    detection::{
-        CandidateTrianglePairs, DetectionDiagnostics, OtherSide, PairFates, SurfacePair, SurfaceStates,
-        surfaces_with_method,
-    },
+    contacts::{Contact, StoredPair, SurfaceContacts},
+    detection::{CandidateTrianglePairs, PairFates, SurfaceStates, surfaces_with_method},
     kernel::{
         mesh::{bounds::Aabb, ids::VertexId},
         pose::Pose,
@@ -42,15 +33,12 @@ pub(super) struct Carried {
 pub(super) struct Detected<'w, 's> {
     pub(super) active: Res<'w, ActiveSurfaces>,
     pub(super) candidates: Res<'w, CandidateTrianglePairs>,
-    pub(super) store: Res<'w, ContactStore>,
     pub(super) contacts: SurfaceContacts<'w>,
-    pub(super) diagnostics: Res<'w, DetectionDiagnostics>,
     pub(super) settings: Res<'w, CircumsphereSettings>,
     pub(super) fates: PairFates<'w, 's>,
     pub(super) states: Res<'w, SurfaceStates>,
     surfaces: Query<'w, 's, Carried>,
     pub(super) shapes: Query<'w, 's, &'static RigidShape>,
-    names: Query<'w, 's, &'static Name>,
 }
 
 impl Detected<'_, '_> {
@@ -61,14 +49,6 @@ impl Detected<'_, '_> {
         let positions = carried.positions.0.as_slice();
         let is_whole = positions.len() == surface.topology.vertex_count() && first_non_finite(positions).is_none();
         is_whole.then_some((positions, carried))
-    }
-
-    pub(super) fn sides(&self, pair: &SurfacePair) -> [Entity; 2] {
-        let second = match pair.second {
-            OtherSide::Surface(second) => self.active.surfaces[second].entity,
-            OtherSide::Shape(place) => self.active.shapes[place].entity,
-        };
-        [self.active.surfaces[pair.first].entity, second]
     }
 
     /// For each active surface, whether `method` tested a pair of it in this tick.
@@ -99,6 +79,32 @@ pub(super) fn has_passed(contact: &Contact) -> bool {
 /// The bounding box of all surfaces; empty if there are none.
 pub(super) fn scene_bounds(active: &ActiveSurfaces) -> Aabb {
     active.surfaces.iter().fold(Aabb::EMPTY, |bounds, surface| bounds.union(&surface.world_bounds))
+}
+
+/// A ball around the surfaces, to which infinite shapes are cut.
+#[derive(Clone, Copy, PartialEq)]
+pub(super) struct Scene {
+    pub(super) center: Vec3,
+    pub(super) reach: f32,
+}
+
+/// The scene that is used before there are surfaces.
+const EMPTY_SCENE: Scene = Scene { center: Vec3::ZERO, reach: 10.0 };
+
+impl Scene {
+    /// `None` if there are no surfaces.
+    pub(super) fn of(active: &ActiveSurfaces) -> Option<Self> {
+        let bounds = scene_bounds(active);
+        let reach = (bounds.max - bounds.min).length();
+        (reach.is_finite() && reach > 0.0).then(|| Self { center: (bounds.min + bounds.max) * 0.5, reach })
+    }
+
+    /// A scene, if there is one, in the own frame of a shape with this pose.
+    pub(super) fn of_shape(scene: Option<Self>, pose: &Pose) -> Self {
+        let Some(scene) = scene else { return EMPTY_SCENE };
+        let center = pose.inverse().transform_point(scene.center.as_dvec3()).as_vec3();
+        Self { center, reach: (f64::from(scene.reach) / pose.scale()) as f32 }
+    }
 }
 
 /// For each active surface, the contact states of its triangles, and which of them are near a contact.
@@ -151,7 +157,7 @@ impl Touches {
         Self { triangles, near }
     }
 
-    /// Whether a triangle of an active surface is recorded at a level of detail.
+    /// Whether a triangle of an active surface is shown at a level of detail.
     pub(super) fn wants(&self, level: LevelOfDetail, place: usize, triangle: u32) -> bool {
         match level {
             LevelOfDetail::Off => false,
@@ -160,68 +166,8 @@ impl Touches {
         }
     }
 
-    /// The triangles of an active surface that are recorded at a level of detail.
+    /// The triangles of an active surface that are shown at a level of detail.
     pub(super) fn triangles(&self, level: LevelOfDetail, place: usize) -> Vec<u32> {
         (0..self.near[place].len() as u32).filter(|&triangle| self.wants(level, place, triangle)).collect()
     }
-}
-
-/// If a layer has more pairs of surfaces than this, it uses a single entity for all of them. Otherwise the names of the
-/// entities would take more bytes than their contents.
-pub(super) const MANY_PAIRS: usize = 48;
-pub(super) const ALL_PAIRS: &str = "all pairs";
-
-/// A unique name for every surface and shape.
-#[derive(Default)]
-pub(super) struct Names(EntityHashMap<String>);
-
-impl Names {
-    /// Names new entities, and keeps existing names.
-    pub(super) fn update(&mut self, detected: &Detected) {
-        let surfaces = detected.active.surfaces.iter().map(|surface| (surface.entity, "surface"));
-        let shapes = detected.active.shapes.iter().map(|shape| (shape.entity, "shape"));
-        for (entity, kind) in surfaces.chain(shapes) {
-            self.add(entity, kind, detected.names.get(entity).map(Name::as_str).ok());
-        }
-    }
-
-    /// Names an entity unless it has a name: by its `Name`, or with its number if that would not be unique.
-    pub(super) fn add(&mut self, entity: Entity, kind: &str, given: Option<&str>) {
-        if self.0.contains_key(&entity) {
-            return;
-        }
-        let given = given.filter(|name| !name.is_empty());
-        let numbered = || {
-            let numbered = format!("{} {entity}", given.unwrap_or(kind));
-            std::iter::successors(Some(numbered), |name| Some(format!("{name} {entity}")))
-        };
-        // Such a name could be mistaken for the name of a pair.
-        let alone = given.filter(|name| !name.contains(" with ") && *name != "itself");
-        let is_free = |name: &String| !self.0.values().any(|taken| taken == name);
-        if let Some(name) = alone.map(str::to_owned).into_iter().chain(numbered()).find(is_free) {
-            self.0.insert(entity, name);
-        }
-    }
-
-    /// Forgets entities that are no longer active.
-    pub(super) fn retain(&mut self, detected: &ActiveSurfaces) {
-        let surfaces = detected.surfaces.iter().map(|surface| surface.entity);
-        let there: EntityHashSet = surfaces.chain(detected.shapes.iter().map(|shape| shape.entity)).collect();
-        self.0.retain(|entity, _| there.contains(entity));
-    }
-
-    pub(super) fn of(&self, entity: Entity) -> String {
-        self.0.get(&entity).cloned().unwrap_or_else(|| entity.to_string())
-    }
-
-    pub(super) fn of_pair(&self, [a, b]: [Entity; 2]) -> String {
-        if a == b { format!("{} with itself", self.of(a)) } else { format!("{} with {}", self.of(a), self.of(b)) }
-    }
-}
-
-/// Converts a pose for the viewer.
-pub(super) fn transform(pose: &Pose) -> Transform3D {
-    let affine = pose.to_affine();
-    let columns = affine.matrix3.as_mat3().to_cols_array_2d();
-    Transform3D::from_translation_mat3x3(affine.translation.as_vec3().to_array(), TransformMat3x3::from(columns))
 }
