@@ -297,7 +297,7 @@ pub enum SurfaceShape {
     Smooth,
 }
 
-/// What the positions are relative to.
+/// What the positions of a surface, or a rigid shape, are relative to.
 #[derive(Component, Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "reflect", derive(Reflect), reflect(Component, Clone, Debug, Default, PartialEq))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
@@ -305,6 +305,9 @@ pub enum SurfaceFrame {
     /// The entity. Its transform and those of its parents apply: rotation, translation, uniform scale, mirroring.
     #[default]
     Local,
+    /// The entity, without any scale: of its transform and those of its parents, only rotation and translation apply.
+    /// For what is scaled already, such as the colliders of physics engines, whatever the scale of the entity.
+    Unscaled,
     /// The world. Transforms do not apply. For skinned meshes.
     World,
 }

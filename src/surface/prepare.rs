@@ -11,7 +11,7 @@ use bevy_ecs::{
     system::SystemParam,
 };
 use bevy_transform::components::Transform;
-use glam::{DAffine3, Vec3};
+use glam::{DAffine3, DMat3, Vec3};
 
 use super::{
     active::{ActiveShape, ActiveSurface, ActiveSurfaces, SideOrder},
@@ -120,12 +120,21 @@ impl Transforms<'_, '_> {
     /// Computes the pose from transforms. In a fixed schedule, the propagated transform is that of the last frame. Uses
     /// f64, so that the children of a parent far from the origin are placed relative to each other as precisely as near
     /// it.
-    fn global_pose(&self, entity: Entity) -> Result<Pose, QuarantineReason> {
-        let pose = Pose::from_double_affine(&self.global_affine(entity)?)?;
+    fn pose(&self, entity: Entity, frame: SurfaceFrame) -> Result<Pose, QuarantineReason> {
+        let pose = Pose::from_double_affine(&self.affine(entity, frame)?)?;
         if pose.scale() < LEAST_SCALE { Err(QuarantineReason::TinyScale) } else { Ok(pose) }
     }
 
     /// The same, without restrictions on the scale.
+    pub(crate) fn affine(&self, entity: Entity, frame: SurfaceFrame) -> Result<DAffine3, QuarantineReason> {
+        match frame {
+            SurfaceFrame::Local => self.global_affine(entity),
+            SurfaceFrame::Unscaled => Ok(without_scale(&self.global_affine(entity)?)),
+            SurfaceFrame::World => Ok(DAffine3::IDENTITY),
+        }
+    }
+
+    /// The transform of an entity and its parents.
     pub(crate) fn global_affine(&self, entity: Entity) -> Result<DAffine3, QuarantineReason> {
         let affine = |entity: Entity| {
             let transform = self.own.get(entity).map_err(|_| QuarantineReason::MissingTransform)?;
@@ -141,6 +150,15 @@ impl Transforms<'_, '_> {
         }
         Ok(global)
     }
+}
+
+/// Rotation and translation alone. What is mirrored counts as scaled by −1 along x, as in glam and so in Bevy. Axes that
+/// are sheared are made perpendicular.
+fn without_scale(affine: &DAffine3) -> DAffine3 {
+    let DAffine3 { matrix3: linear, translation } = *affine;
+    let x = (linear.x_axis * linear.determinant().signum()).normalize_or_zero();
+    let z = x.cross(linear.y_axis).normalize_or_zero();
+    DAffine3 { matrix3: DMat3::from_cols(x, z.cross(x), z), translation }
 }
 
 /// Sets the status, and queues a message if a quarantine is new. Another reason for the same quarantine is not new.
@@ -228,10 +246,7 @@ fn validate(item: &mut SurfaceItemItem<'_, '_>, transforms: &Transforms) -> Resu
         return Err(QuarantineReason::PositionCount { expected, found });
     }
     let at_most = item.checked.check(&item.positions)?;
-    let pose = match *item.frame {
-        SurfaceFrame::Local => transforms.global_pose(item.entity)?,
-        SurfaceFrame::World => Pose::IDENTITY,
-    };
+    let pose = transforms.pose(item.entity, *item.frame)?;
     check_reach(&item.positions.0, at_most, &pose)?;
     let thickness = match *item.thickness {
         SurfaceThickness::World(thickness) => thickness,
@@ -283,6 +298,7 @@ struct ShapeItem {
     mesh: Option<(&'static RigidMesh, Ref<'static, SurfacePositions>, &'static mut CheckedPositions)>,
     status: &'static mut SurfaceStatus,
     layers: &'static SurfaceLayers,
+    frame: Ref<'static, SurfaceFrame>,
     sidedness: Option<&'static Sidedness>,
     surface_shape: Option<&'static SurfaceShape>,
     triangle_layers: Option<&'static TriangleLayers>,
@@ -308,7 +324,7 @@ fn gather_shapes(
         if item.teleported {
             commands.entity(item.entity).try_remove::<Teleported>();
         }
-        let fresh = item.teleported || item.shape.is_changed() || !was_active;
+        let fresh = item.teleported || item.shape.is_changed() || item.frame.is_changed() || !was_active;
         let next = if item.disabled {
             SurfaceStatus::Disabled
         } else {
@@ -329,7 +345,7 @@ fn add_shape(
     transforms: &Transforms,
     active: &mut ActiveSurfaces,
 ) -> Result<(), QuarantineReason> {
-    let pose = transforms.global_pose(item.entity)?;
+    let pose = transforms.pose(item.entity, *item.frame)?;
     let solid = item.shape.0.clone()?;
     let order = order(true, item.order, *item.registration, item.entity);
     let (entity, query_layers, events) = (item.entity, *item.layers, item.events);

@@ -19,7 +19,7 @@ use parry3d::shape::{SharedShape, TypedShape};
 use super::{
     active::ShapePart,
     checked::{CheckedPositions, Registration},
-    components::{DeformableSurface, SurfaceLayers, SurfacePositions, SurfaceStatus},
+    components::{DeformableSurface, SurfaceFrame, SurfaceLayers, SurfacePositions, SurfaceStatus},
     spheres::{Circumspheres, EnclosingBalls, TriangleCones, TriangleCurvature},
     swept::SweptTarget,
 };
@@ -28,7 +28,8 @@ use crate::kernel::{
     mesh::topology::SurfaceTopology,
 };
 
-/// A rigid shape that surfaces touch. The entity's transform places it (rotation, translation, uniform scale).
+/// A rigid shape that surfaces touch. The entity's transform places it (rotation, translation, uniform scale), as
+/// [`SurfaceFrame`] says.
 ///
 /// - Ball, capsule, cuboid, cylinder, cone, convex polyhedron, their rounded forms, rounded triangle, half-space, and
 ///   compounds of these are solids. They are tested by exact formulas in f64. A vertex inside has a negative distance,
@@ -57,7 +58,7 @@ use crate::kernel::{
 /// ```
 #[derive(Component, Clone)]
 #[component(immutable, on_insert = Self::on_insert, on_discard = Self::on_discard)]
-#[require(SurfaceLayers, SurfaceStatus, Registration, Transform)]
+#[require(SurfaceFrame, SurfaceLayers, SurfaceStatus, Registration, Transform)]
 #[cfg_attr(feature = "reflect", derive(Reflect), reflect(opaque, Component, Clone))]
 pub struct RigidShape(pub SharedShape);
 

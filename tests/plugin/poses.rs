@@ -8,8 +8,8 @@ use circumsphere_support::scenes::{Mesh, icosphere};
 use glam::{Quat, Vec3};
 
 use crate::world::{
-    Seen, app, assert_all_consistent, assert_near, assert_near_vector, assert_swapped, at, ball, between, deepest,
-    insert, rounding, sheet, spawn, status, store, surface,
+    Seen, THIN, app, assert_all_consistent, assert_near, assert_near_vector, assert_swapped, at, ball, between,
+    deepest, insert, rounding, sheet, spawn, status, store, surface,
 };
 
 const FAR: [Vec3; 3] = [Vec3::new(1.0e6, -1.0e6, 1.0e6), Vec3::new(-1.0e4, 0.0, 3.0e4), Vec3::new(0.0, 1.0e6, 0.0)];
@@ -256,5 +256,31 @@ fn only_what_reaches_the_other_surface_is_moved() {
     assert!(pair.is_moved() && moved > 10 && moved * 5 < whole, "{moved} of {whole} vertices");
     for &[_, triangle] in &pair.triangles {
         assert!(pair.moved_triangles.iter().any(|&(moved, _)| moved == triangle), "{triangle} was not moved");
+    }
+}
+
+/// The scale of the entity is in the shape already, and may be another for each axis.
+#[test]
+fn what_is_scaled_already_follows_rotation_and_translation_alone() {
+    let turn = Quat::from_rotation_z(0.7) * Quat::from_rotation_x(0.4);
+    let scale = Vec3::new(0.5, 3.0, 1.5);
+    let mut app = app();
+    let parent = Transform { translation: Vec3::new(4.0, 5.0, 6.0), rotation: turn, scale };
+    let parent = app.world_mut().spawn(parent).id();
+    let child = Transform { scale: Vec3::new(2.0, 0.25, 1.0), ..at(1.0, -1.0, 2.0) };
+    let cuboid = RigidShape(SharedShape::cuboid(0.3, 0.2, 0.4));
+    let shape = app.world_mut().spawn((cuboid, SurfaceFrame::Unscaled, child, ChildOf(parent))).id();
+    let own = Vec3::new(4.0, 5.0, 6.0) + turn * (scale * Vec3::new(1.0, -1.0, 2.0));
+    // A sheet over its upper side, in a frame that the same is true of.
+    let over = Transform { translation: own + turn * Vec3::Y * 0.23, rotation: turn, scale: Vec3::new(7.0, 2.0, 3.0) };
+    let sheet = spawn(&mut app, &sheet(), (THIN, over, SurfaceFrame::Unscaled));
+    app.update();
+    assert_near(deepest(&between(&mut app, sheet, shape)).distance, 0.03, rounding(16.0), "over it");
+    for surface in [sheet, shape] {
+        insert(&mut app, surface, SurfaceFrame::Local);
+    }
+    app.update();
+    for surface in [sheet, shape] {
+        assert!(matches!(status(&app, surface), SurfaceStatus::Quarantined(QuarantineReason::Pose(_))));
     }
 }

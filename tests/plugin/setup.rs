@@ -1,16 +1,19 @@
 //! Apps that are put together in unusual ways.
 
-use std::sync::{Mutex, Once};
+use std::{
+    sync::{Mutex, Once},
+    time::Duration,
+};
 
 use bevy_app::{TaskPoolOptions, TaskPoolPlugin, prelude::*};
 use bevy_circumsphere::{
-    ContactEventsPlugin, SurfaceDetection,
+    ContactEventsPlugin, RollbackPlugin, SurfaceDetection,
     detection::{BruteForceBroadPhasePlugin, TreeBroadPhasePlugin},
     prelude::*,
-    response::{XpbdBody, XpbdMaterial},
+    response::{XpbdBody, XpbdMaterial, XpbdResponsePlugin},
 };
 use bevy_ecs::prelude::*;
-use bevy_time::TimePlugin;
+use bevy_time::{TimePlugin, TimeUpdateStrategy};
 use bevy_transform::TransformPlugin;
 use circumsphere_support::scenes::{Mesh, icosphere, merge};
 use glam::Vec3;
@@ -331,4 +334,49 @@ fn a_volume_to_keep_on_an_open_mesh_is_warned_of_once() {
     }
     assert_eq!(warnings_about("volume_compliance"), before + 1);
     assert_eq!(warnings_about("weld_within"), 1);
+}
+
+/// A cloth that falls onto a ball for half a second, with the plugins in an order.
+fn fallen(order: [usize; 4]) -> (Vec<Vec3>, String) {
+    let mut app = App::new();
+    for plugin in order {
+        match plugin {
+            0 => app.add_plugins(DeformableCollisionPlugins::default()),
+            1 => app.add_plugins(XpbdResponsePlugin::default()),
+            2 => app.add_plugins((TaskPoolPlugin::default(), TimePlugin, TransformPlugin)),
+            _ => app.add_plugins(RollbackPlugin::new(FixedPostUpdate)),
+        };
+    }
+    app.insert_resource(TimeUpdateStrategy::ManualDuration(Duration::from_secs(1) / 64));
+    let (cloth, positions) = surface(&sheet());
+    let body = XpbdBody::new(&cloth, &positions, XpbdMaterial::CLOTH).unwrap();
+    let cloth =
+        app.world_mut().spawn((cloth, positions, body, Called("cloth"), SweptCollision, at(0.0, 0.6, 0.0))).id();
+    app.world_mut().spawn((RigidShape(SharedShape::ball(0.5)), Called("ball")));
+    for _ in 0..32 {
+        app.update();
+    }
+    (app.world().get::<SurfacePositions>(cloth).unwrap().0.clone(), format!("{:?}", fingerprint(&app)))
+}
+
+#[test]
+fn the_order_of_plugins_does_not_matter() {
+    let expected = fallen([2, 0, 1, 3]);
+    assert!(expected.0.iter().any(|position| position.y < -0.2), "it has fallen");
+    assert!(expected.1.contains("ball"), "and touches the ball");
+    for order in [[0, 1, 2, 3], [1, 0, 2, 3], [1, 2, 0, 3], [3, 1, 0, 2], [3, 2, 1, 0], [2, 3, 1, 0]] {
+        assert!(fallen(order) == expected, "{order:?}");
+    }
+}
+
+#[test]
+fn adding_the_group_twice_is_refused_by_bevy() {
+    let twice = std::panic::catch_unwind(|| {
+        App::new()
+            .add_plugins(DeformableCollisionPlugins::new(Update))
+            .add_plugins(DeformableCollisionPlugins::default());
+    });
+    let refusal = twice.expect_err("it is refused");
+    let message = refusal.downcast_ref::<String>().expect("Bevy says why");
+    assert!(message.contains("DeformableSchedulePlugin") && message.contains("already added"), "{message}");
 }

@@ -234,3 +234,34 @@ fn reactions_are_what_bodies_weigh_and_what_they_bring() {
         assert_eq!(reaction(&scene), SurfaceReaction::default(), "{name}");
     }
 }
+
+/// What a sheet loses where it hits something is in the reaction, including the bounce that contacts remove.
+#[test]
+fn reactions_and_momentum_of_bodies_add_up() {
+    for (shape, name) in [(SharedShape::ball(0.3), "ball"), (SharedShape::cuboid(0.2, 0.1, 0.2), "cuboid")] {
+        let mut scene = Scene::new();
+        scene.settings().gravity = Vec3::ZERO;
+        let support = scene.app.world_mut().spawn((RigidShape(shape), SurfaceReaction::default())).id();
+        let body = scene.add(
+            &sheet(20, 1.0).translate([0.1, 0.4, 0.05]),
+            LOSSLESS,
+            (SurfaceThickness::World(0.01), SelfCollision, SweptCollision),
+        );
+        scene.body_mut(body).velocities.fill(Vec3::NEG_Y * 2.0);
+        let momentum = |scene: &Scene| -> DVec3 {
+            let body = scene.body(body);
+            let parts = body.velocities.iter().zip(&body.inverse_masses);
+            parts.map(|(velocity, inverse)| velocity.as_dvec3() / f64::from(*inverse)).sum()
+        };
+        let start = momentum(&scene);
+        let mut brought = DVec3::ZERO;
+        for tick in 0..90 {
+            scene.run(1);
+            brought += scene.app.world().get::<SurfaceReaction>(support).unwrap().impulse.as_dvec3();
+            // The solver works in f32.
+            let off = (momentum(&scene) + brought - start).length();
+            assert!(off < 1.0e-4 * start.length(), "{name}, tick {tick}: {off} of {start}");
+        }
+        assert!(brought.length() > 0.3 * start.length(), "{name}: it has hit: {brought} of {start}");
+    }
+}

@@ -67,7 +67,7 @@ pub(super) struct Common {
     pub(super) left: [f32; WIDTH],
     /// Normal multiplier in the last substep.
     pub(super) pressed: [f32; WIDTH],
-    /// The sum of multipliers, of the normal and of friction, in all substeps.
+    /// The sum of multipliers, of the normal and of friction, in all substeps, less the bounce that was removed.
     pub(super) pushes: VectorRows,
     pub(super) reaction: [u32; WIDTH],
     /// Share of the last push with which a substep begins.
@@ -119,6 +119,8 @@ pub(super) struct ActingBlock<const N: usize> {
     friction: [[f32; WIDTH]; 2],
     multiplier: [f32; WIDTH],
     sliding: VectorRows,
+    /// Duration of the substep in seconds.
+    step: f32,
 }
 
 #[inline(always)]
@@ -213,6 +215,7 @@ impl Common {
             friction: self.friction,
             multiplier: stored(is_near.select(pressed * warmth, zeros)),
             sliding: VectorRows::ZERO,
+            step,
         };
         for place in 0..N {
             weights[place].store_slice(&mut block.weights[place]);
@@ -309,7 +312,11 @@ impl<const N: usize> ActingBlock<N> {
         if !change.simd_lt(zeros).any_true() {
             return;
         }
-        self.push(rows.velocity, &speeds, &weights, normal.scaled(change));
+        let change = normal.scaled(change);
+        self.push(rows.velocity, &speeds, &weights, change);
+        VectorLanes::load(simd, &common.pushes)
+            .plus(change.scaled(f32x8::splat(simd, self.step)))
+            .store(&mut common.pushes);
     }
 
     /// The number of contacts that may act, and of those that press.

@@ -97,10 +97,7 @@ pub(super) fn drive_meshes(
             continue;
         };
         let own = transforms.global_affine(item.entity);
-        let theirs = match frame {
-            SurfaceFrame::Local => transforms.global_affine(item.options.surface),
-            SurfaceFrame::World => Ok(DAffine3::IDENTITY),
-        };
+        let theirs = transforms.affine(item.options.surface, *frame);
         let (Ok(own), Ok(theirs)) = (own, theirs) else { continue };
         let way = own.inverse() * theirs;
         let now = Some((positions.last_changed(), way));
