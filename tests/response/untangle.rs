@@ -1,6 +1,7 @@
 //! Sheets that cross at the start, when their sides are unknown.
 
 use bevy_circumsphere::{ContactStore, prelude::*, response::*};
+use bevy_math::ops;
 use bevy_transform::components::Transform;
 use circumsphere_support::{
     random::Random,
@@ -127,7 +128,7 @@ fn lies_still(speed: f32) {
     let thickness = SurfaceThickness::World(0.002);
     let mut ground = grid(60, 60, 1.5, 1.5, Diagonals::Alternating);
     for [x, y, z] in &mut ground.positions {
-        *y = 0.06 * (5.0 * *x).sin() * (6.0 * *z).sin();
+        *y = 0.06 * ops::sin(5.0 * *x) * ops::sin(6.0 * *z);
     }
     scene.add_obstacle(&ground, thickness);
     let cloth =
