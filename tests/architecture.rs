@@ -1,5 +1,5 @@
-//! The order of the folders of `src/`: which may import which, import cycles, the length of files, and where Bevy may
-//! be used.
+//! The order of the folders of `src/`: which may import which, import cycles, the length of files, and where Bevy and the
+//! operating system may be used.
 
 use std::{
     collections::{BTreeMap, BTreeSet},
@@ -49,6 +49,9 @@ const KERNEL_ROOMS: [&str; 17] = [
     "thin_wall",
 ];
 
+/// The modules of std that WebAssembly has not, or has only to panic. The kernel leaves them to its callers.
+const MISSING_ON_WASM: [&str; 7] = ["env", "fs", "net", "os", "process", "thread", "time"];
+
 /// The most lines of a file.
 const MOST_LINES: usize = 500;
 
@@ -64,6 +67,8 @@ struct Module {
     exports: BTreeMap<String, Vec<String>>,
     /// The other crates that it names.
     crates: BTreeSet<String>,
+    /// The modules of std that it names outside of tests.
+    of_std: BTreeSet<String>,
 }
 
 /// The leaves of a `use` tree as paths: `a::{b, c::d}` is `a::b` and `a::c::d`.
@@ -110,7 +115,18 @@ fn parse(file: &str, path: &[String], source: &str) -> Module {
         imports: BTreeSet::new(),
         exports: BTreeMap::new(),
         crates: BTreeSet::new(),
+        of_std: BTreeSet::new(),
     };
+    // Tests are at the end of a file.
+    let tests = code.find("#[cfg(test)]").unwrap_or(code.len());
+    for (start, _) in code[..tests].match_indices("std::") {
+        let rest = &code[start + "std::".len()..tests];
+        let end = rest.find([';', '(', ')', '<', '>', ' ', '\n']).unwrap_or(rest.len());
+        let tree = if rest.starts_with('{') { rest.split(';').next().unwrap_or_default() } else { &rest[..end] };
+        let mut paths = Vec::new();
+        leaves(tree.trim_start_matches('{'), &[], &mut paths);
+        module.of_std.extend(paths.into_iter().filter_map(|path| path.into_iter().next()));
+    }
     let statements = code.split(';').filter_map(|statement| {
         let start = statement.rfind("use ").filter(|&start| {
             let before = statement[..start].trim_end();
@@ -218,7 +234,7 @@ fn circles(modules: &[Module]) -> Vec<String> {
 fn faults(modules: &[Module]) -> Vec<String> {
     let place = |rooms: &[&str], name: &str| rooms.iter().position(|room| *room == name);
     let mut faults = Vec::new();
-    for Module { file, path, lines, imports, crates, .. } in modules {
+    for Module { file, path, lines, imports, crates, of_std, .. } in modules {
         if *lines > MOST_LINES {
             faults.push(format!("{file} has {lines} lines, more than {MOST_LINES}"));
         }
@@ -240,6 +256,9 @@ fn faults(modules: &[Module]) -> Vec<String> {
             crates.iter().filter(|name| name.starts_with("bevy_") && *name != "bevy_math" && *name != "bevy_platform")
         {
             faults.push(format!("{file} imports {name} into the kernel"));
+        }
+        for name in of_std.iter().filter(|name| MISSING_ON_WASM.contains(&name.as_str())) {
+            faults.push(format!("{file} names std::{name} in the kernel, which must run on WebAssembly"));
         }
         let Some(room) = path.get(1) else { continue };
         let Some(own) = place(&KERNEL_ROOMS, room) else {
@@ -297,11 +316,21 @@ fn what_breaks_the_rules_is_found() {
         ("kernel::mesh::topology", "fn first() { crate::kernel::bvh::tree::build(); }\n"),
         ("kernel::pose", "use bevy_ecs::prelude::*;\n"),
         ("kernel::misc", "\n"),
+        ("kernel::pose", "use std::time::Instant;\n"),
+        ("kernel::pose", "use std::{\n    sync::Arc,\n    time::{Duration, Instant},\n};\n"),
+        ("kernel::pose", "fn first() { let now = std::time::Instant::now(); }\n"),
+        ("kernel::pose", "fn first() { std::thread::scope(|scope| {}); }\n"),
         ("surface::components", "pub(crate) use crate::detection::Bounds;\n"),
         ("cellar::door", "\n"),
         ("contacts::store", &long),
     ] {
         assert_eq!(found(path, source).len(), 1, "{path}: {source}");
+    }
+    for right in [
+        "use std::{\n    sync::Arc,\n    mem,\n};\nfn first() { std::mem::take(&mut 1); }\n",
+        "#[cfg(test)]\nmod tests {\n    use std::time::Instant;\n}\n",
+    ] {
+        assert_eq!(found("kernel::pose", right), Vec::<String>::new());
     }
     let right =
         "use super::ids::VertexId;\nuse crate::kernel::{pose::Pose, simd::lanes::WIDTH};\n// use crate::detection;\n";
