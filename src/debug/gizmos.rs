@@ -44,8 +44,8 @@ const SPOKES: usize = 4;
 const SPHERE_CORNERS: u32 = 24;
 
 /// The layers that [`DeformableGizmosPlugin`] draws. They have the content and the colors of the layers of a
-/// [recording](self#recording). A layer is empty if the contact method does not compute its content: curvature, recipe
-/// ages, offset spheres, and cones exist for pairs tested by `Circumsphere`.
+/// [recording](crate::debug). A layer is empty if the contact method does not compute its content: curvature, recipe ages,
+/// offset spheres, and cones exist for pairs tested by `Circumsphere`.
 ///
 /// It is a group of gizmos: `GizmoConfigStore::config_mut` returns it together with the `GizmoConfig` that sets the width
 /// of the lines and switches all of them. Changes take effect in the next tick.
