@@ -226,8 +226,7 @@ impl Solver {
     }
 
     /// Advances all particles by `duration` seconds, which must be more than 0. `add_contacts` may add contacts before
-    /// every substep but the first. The result is the same for any number of
-    /// threads.
+    /// every substep but the first. The result is the same for any number of threads.
     pub(super) fn advance(
         &mut self,
         threads: Threads,

@@ -190,8 +190,8 @@ fn what_sleeps_wakes_when_a_surface_hits_it() {
     a_sleeper_wakes::<Rapier>();
 }
 
-/// A dumbbell of two balls, one of which a cloth hits: angular momentum about the origin of the world is kept, which
-/// needs the right centers of mass and the right moments.
+/// A cloth hits one ball of a dumbbell. Angular momentum about the origin of the world is kept. That takes the right
+/// centers of mass and the right moments.
 fn a_dumbbell_turns<E: Engine>() {
     const RADIUS: f32 = 0.3;
     const ARM: f32 = 0.4;

@@ -25,7 +25,7 @@ fn end(mut watch: ResMut<Stopwatch>) {
     watch.1 += spent;
 }
 
-/// A cloth, a ball on it, and 200 more colliders, of which 100 are dynamic bodies on a floor.
+/// A cloth, a ball on it, and 200 more colliders. 100 of them are dynamic bodies on a floor.
 fn share_of_tick<E: Engine>(last: impl SystemSet, follow: impl SystemSet + Clone, push: impl SystemSet + Clone) -> f64 {
     let mut scene = ball_on_cloth::<E>(0.5);
     let app = &mut scene.app;
