@@ -149,8 +149,7 @@ fn keep_own_sides(
 /// Flips a contact if its normal has reversed since the last contact of the same features.
 fn keep_side(contact: &mut CompactContact, last: &CompactContact) {
     if from_first_feature(contact).dot(from_first_feature(last)) < 0.0 {
-        contact.normal = -contact.normal;
-        contact.distance = -contact.distance;
+        flip(contact);
     }
 }
 
@@ -175,10 +174,14 @@ pub(super) fn agree(contacts: &mut [CompactContact], [a, b]: [&SurfaceTopology; 
     }
     for contact in contacts {
         if has_passed(contact) && counts.get(&components_of(contact)).is_some_and(|[passed, all]| 2 * passed < *all) {
-            contact.normal = -contact.normal;
-            contact.distance = -contact.distance;
+            flip(contact);
         }
     }
+}
+
+fn flip(contact: &mut CompactContact) {
+    contact.normal = -contact.normal;
+    contact.distance = -contact.distance;
 }
 
 /// The normal in the order of the key. In a self-collision, either of the two features may come first in the contact.

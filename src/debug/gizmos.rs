@@ -327,6 +327,9 @@ fn draw_faces(
 ) {
     let Some(caps) = body.caps else { return };
     let kept = body.triangles(level, touches);
+    if kept.is_empty() {
+        return;
+    }
     for (&triangle, color) in kept.iter().zip(faces(caps, &kept)) {
         let corners = body.corners(triangle);
         let center = corners.iter().sum::<Vec3>() / 3.0;

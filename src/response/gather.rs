@@ -85,8 +85,6 @@ pub(super) struct Gatherer {
     may_act: Vec<bool>,
     /// Whether each of those particles has been pushed.
     pushed: Vec<bool>,
-    /// The least contact distance of all pairs.
-    least_distance: f64,
     /// The contacts that are not watched.
     unwatched: Vec<Unwatched>,
     /// The particles of all triangles that cross in the current pair.
@@ -178,8 +176,6 @@ impl Gatherer {
         self.look_ahead(&solver.particles, watch);
         self.known.clear();
         self.unwatched.clear();
-        let distances = scene.store.pairs.iter().map(|pair| f64::from(pair.contact_distance));
-        self.least_distance = distances.fold(f64::INFINITY, f64::min);
         for (pair_place, pair) in (0..).zip(&scene.store.pairs) {
             let sides = self.sides(pair);
             if !sides.iter().any(|side| matches!(side, Side::Body { .. })) {

@@ -8,6 +8,8 @@
 
 #![expect(clippy::inline_always, reason = "only inlined code is compiled for the dispatched instruction set")]
 
+use std::ops::Range;
+
 use fearless_simd::{Level, dispatch, f32x8, prelude::*};
 use glam::DVec3;
 
@@ -109,6 +111,9 @@ pub struct At<'a> {
 
 /// A list of contacts of any kind.
 pub(super) trait ContactList {
+    /// Forgets all contacts.
+    fn clear(&mut self);
+
     /// Evaluates the contacts at the unconstrained positions of a substep.
     fn begin_step(&mut self, rows: MovingRows<'_>, evaluation: Evaluation);
 
@@ -135,8 +140,6 @@ pub(super) trait ContactList {
 #[derive(Debug)]
 pub(super) struct ContactBlocks<B, const N: usize> {
     blocks: Vec<B>,
-    /// The number of contacts in them.
-    count: usize,
     /// The end of each batch among the blocks.
     batches: Vec<usize>,
     acting: Vec<ActingBlock<N>>,
@@ -149,7 +152,6 @@ impl<B, const N: usize> Default for ContactBlocks<B, N> {
     fn default() -> Self {
         Self {
             blocks: Vec::new(),
-            count: 0,
             batches: Vec::new(),
             acting: Vec::new(),
             acting_batches: Vec::new(),
@@ -159,31 +161,20 @@ impl<B, const N: usize> Default for ContactBlocks<B, N> {
 }
 
 impl<B: ContactBlock<N>, const N: usize> ContactBlocks<B, N> {
-    pub(super) fn clear(&mut self) {
-        let Self { blocks, count, batches, acting, acting_batches, .. } = self;
-        acting.clear();
-        acting_batches.clear();
-        blocks.clear();
-        batches.clear();
-        *count = 0;
-    }
-
-    /// Takes over those contacts that are not in blocks yet, in batches that end at `ends`. Constraints move those
-    /// particles that `is_free` says.
+    /// Takes over contacts, batch by batch. Constraints move those particles that `is_free` says.
     pub(super) fn extend(
         &mut self,
         contacts: &[Contact<B::Parts>],
-        ends: impl Iterator<Item = usize>,
+        new: impl Iterator<Item = Range<usize>>,
         is_free: &impl Fn(u32) -> bool,
         coloring: &mut Coloring,
         &At { start, rows, share }: &At<'_>,
     ) {
-        let Self { blocks, count, batches, numbers, .. } = self;
+        let Self { blocks, batches, numbers, .. } = self;
         let moved = |particle: u32| if particle != NONE && is_free(particle) { particle } else { NONE };
         let before = blocks.len();
-        for end in ends {
-            let contacts = &contacts[*count..end];
-            *count = end;
+        for batch in new {
+            let contacts = &contacts[batch];
             numbers.clear();
             let particles_of = |contact: u32| B::particles(&contacts[contact as usize].parts).map(moved);
             coloring.blocks(start.len(), contacts.len(), particles_of, numbers);
@@ -206,6 +197,14 @@ impl<B: ContactBlock<N>, const N: usize> ContactBlocks<B, N> {
 }
 
 impl<B: ContactBlock<N>, const N: usize> ContactList for ContactBlocks<B, N> {
+    fn clear(&mut self) {
+        let Self { blocks, batches, acting, acting_batches, .. } = self;
+        acting.clear();
+        acting_batches.clear();
+        blocks.clear();
+        batches.clear();
+    }
+
     fn begin_step(&mut self, rows: MovingRows<'_>, evaluation: Evaluation) {
         let Self { blocks, batches, acting, acting_batches, .. } = self;
         acting.clear();

@@ -142,16 +142,8 @@ pub struct Contacts {
 
 impl Contacts {
     pub fn clear(&mut self) {
-        let Self { batches, vertex_face, vertices, faces, edge_edge, edges, points, planes, wide_planes } = self;
-        *batches = 0;
-        vertex_face.clear();
-        vertices.clear();
-        faces.clear();
-        edge_edge.clear();
-        edges.clear();
-        points.clear();
-        planes.clear();
-        wide_planes.clear();
+        self.batches = 0;
+        self.lists().into_iter().for_each(ContactList::clear);
     }
 
     /// Takes over those contacts that it has not yet. Constraints move those particles that `is_free` says.
@@ -163,20 +155,22 @@ impl Contacts {
         at: &At<'_>,
     ) {
         found.end_batch();
-        let new = &found.batches[self.batches..];
+        let (old, new) = found.batches.split_at(self.batches);
         if new.is_empty() {
             return;
         }
         self.batches = found.batches.len();
-        let ends = |kind: usize| new.iter().map(move |counts| counts[kind]);
-        self.vertex_face.extend(&found.vertex_face, ends(0), &is_free, coloring, at);
-        self.vertices.extend(&found.vertices, ends(1), &is_free, coloring, at);
-        self.faces.extend(&found.faces, ends(2), &is_free, coloring, at);
-        self.edge_edge.extend(&found.edge_edge, ends(3), &is_free, coloring, at);
-        self.edges.extend(&found.edges, ends(4), &is_free, coloring, at);
-        self.points.extend(&found.points, ends(5), &is_free, coloring, at);
-        self.planes.extend(&found.planes, ends(6), &is_free, coloring, at);
-        self.wide_planes.extend(&found.wide_planes, ends(7), &is_free, coloring, at);
+        let before = old.last().copied().unwrap_or_default();
+        let new =
+            |kind: usize| [&before].into_iter().chain(new).zip(new).map(move |(first, end)| first[kind]..end[kind]);
+        self.vertex_face.extend(&found.vertex_face, new(0), &is_free, coloring, at);
+        self.vertices.extend(&found.vertices, new(1), &is_free, coloring, at);
+        self.faces.extend(&found.faces, new(2), &is_free, coloring, at);
+        self.edge_edge.extend(&found.edge_edge, new(3), &is_free, coloring, at);
+        self.edges.extend(&found.edges, new(4), &is_free, coloring, at);
+        self.points.extend(&found.points, new(5), &is_free, coloring, at);
+        self.planes.extend(&found.planes, new(6), &is_free, coloring, at);
+        self.wide_planes.extend(&found.wide_planes, new(7), &is_free, coloring, at);
     }
 
     fn lists(&mut self) -> [&mut dyn ContactList; KINDS] {

@@ -128,7 +128,7 @@ impl Gatherer {
         watch: Watch,
         substep: u32,
     ) -> bool {
-        if substep % PAUSE != 1 || self.unwatched.is_empty() || !self.note_pushed(solver, watch) {
+        if substep % PAUSE != 1 || self.unwatched.is_empty() || !self.note_pushed(solver, scene, watch) {
             return false;
         }
         let share = f64::from(substep - 1) / f64::from(watch.substeps);
@@ -155,9 +155,10 @@ impl Gatherer {
 
     /// Notes which particles have become much faster since contacts with them were looked at. Returns whether there are
     /// any.
-    fn note_pushed(&mut self, solver: &Solver, watch: Watch) -> bool {
-        let Self { ahead, pushed, least_distance, .. } = self;
-        let least = (PUSHED * *least_distance) as f32;
+    fn note_pushed(&mut self, solver: &Solver, scene: &Scene<'_, '_>, watch: Watch) -> bool {
+        let Self { ahead, pushed, .. } = self;
+        let distances = scene.store.pairs.iter().map(|pair| f64::from(pair.contact_distance));
+        let least = (PUSHED * distances.fold(f64::INFINITY, f64::min)) as f32;
         pushed.clear();
         pushed.extend(ahead.iter_mut().enumerate().map(|(particle, ahead)| {
             let [_, velocity] = solver.rows.state(particle);
