@@ -3,6 +3,7 @@
 //! All vertices of bodies are particles in world space. Of other objects, only the vertices that contacts touch are.
 //! Contacts are taken in the order of the store.
 
+mod internal_edges;
 mod tangled;
 mod watch;
 
@@ -105,6 +106,15 @@ enum Side<'a> {
     Body { first: usize, topology: &'a SurfaceTopology },
     Driven { entity: Entity, topology: &'a SurfaceTopology },
     Shape { entity: Entity },
+}
+
+impl<'a> Side<'a> {
+    const fn topology(self) -> Option<&'a SurfaceTopology> {
+        match self {
+            Self::Body { topology, .. } | Self::Driven { topology, .. } => Some(topology),
+            Self::Shape { .. } => None,
+        }
+    }
 }
 
 impl Gatherer {
@@ -367,8 +377,9 @@ impl Gatherer {
         if normal == DVec3::ZERO {
             return None;
         }
-        let a = self.corners(particles, scene, &side_a, &pair.poses[0], record.triangle_a)?;
-        let b = self.corners(particles, scene, &side_b, &pair.poses[1], record.triangle_b);
+        let [triangle_a, triangle_b] = self.triangles_below(particles, scene, pair, [side_a, side_b], record);
+        let a = self.corners(particles, scene, &side_a, &pair.poses[0], triangle_a)?;
+        let b = self.corners(particles, scene, &side_b, &pair.poses[1], triangle_b);
         // A body that is depenetrated moves in one direction as a whole. Its own contacts with the solid would pull
         // against it.
         let is_leaving = |corners: [u32; 3], other: ContactSide| {

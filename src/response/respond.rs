@@ -28,7 +28,9 @@ use crate::{
         pose::Pose,
     },
     schedule::run_detection,
-    surface::{ActiveSurface, ActiveSurfaces, DeformableSurface, SurfacePositions, SweptCollision, SweptTarget},
+    surface::{
+        ActiveSurface, ActiveSurfaces, DeformableSurface, SurfacePositions, SurfaceShape, SweptCollision, SweptTarget,
+    },
 };
 
 /// What the response did in the last tick. If the tick was split, fields that say so describe its last part only, and
@@ -149,7 +151,8 @@ pub(super) fn choose_margins(
     for surface in &mut active.surfaces {
         let Some((_, body)) = awake(surface.entity) else { continue };
         let [own, speed] = speeds(body);
-        let slack = Watch::slack(f64::from(*fall), f64::from(surface.thickness)) as f32;
+        let is_smooth = surface.shape == SurfaceShape::Smooth;
+        let slack = Watch::slack(f64::from(*fall), f64::from(surface.thickness), is_smooth) as f32;
         // What it meets may move as fast.
         let other = HASTE * speed * duration + slack + motions.longest() as f32;
         let margin = margins.entry(surface.entity).or_default();

@@ -168,3 +168,26 @@ fn valley() -> Vec<(Pose3, SharedShape)> {
         })
         .to_vec()
 }
+
+/// A cloth that begins almost on the ground, nearer than its triangles are wide: every vertex is also near the borders of
+/// many triangles that it is not over.
+#[test]
+fn a_cloth_that_lies_too_deep_comes_out_between_the_edges_of_the_ground() {
+    const THICKNESS: f32 = 0.004;
+    let height = |x: f32, z: f32| 0.02 * bevy_math::ops::sin(20.0 * x) * bevy_math::ops::sin(17.0 * z);
+    let mut scene = Scene::new();
+    let mut ground = grid(80, 80, 0.6, 0.6, Diagonals::Alternating);
+    for [x, y, z] in &mut ground.positions {
+        *y = height(*x, *z);
+    }
+    scene.add_obstacle(&ground, SurfaceThickness::World(THICKNESS));
+    let mut cloth = grid(16, 16, 0.2, 0.2, Diagonals::Alternating).rotate([0.0, 1.0, 0.0], 0.3);
+    for [x, y, z] in &mut cloth.positions {
+        *y = height(*x, *z) + 0.002;
+    }
+    let cloth = scene.add(&cloth, XpbdMaterial::CLOTH, (SurfaceThickness::World(THICKNESS), SelfCollision));
+    scene.run(60);
+    let above = scene.positions(cloth).iter().map(|at| at.y - height(at.x, at.z)).fold(f32::INFINITY, f32::min);
+    println!("{above}");
+    assert!(above > 1.5 * THICKNESS, "{above}");
+}

@@ -20,8 +20,10 @@ const PUSHED: f64 = 0.1;
 /// Number of substeps between two looks at what has been pushed.
 const PAUSE: u32 = 2;
 
-/// Separation, in contact distances, within which a contact is watched even if its sides do not move.
-const NEAR: f64 = 0.02;
+/// Separation, in contact distances, within which a contact is watched even if its sides do not move. Between patches,
+/// several push the same vertices.
+const NEAR: f64 = 0.005;
+const NEAR_OF_PATCHES: f64 = 0.02;
 
 /// Depth, in contact distances, to which something at rest may fall in one tick before its contacts hold it.
 const SHALLOW: f64 = 0.75;
@@ -45,15 +47,16 @@ pub(in crate::response) struct Watch {
 
 impl Watch {
     /// How far, in world units, a contact at rest may be from acting and is still watched.
-    pub(in crate::response) fn slack(fall: f64, contact_distance: f64) -> f64 {
-        (NEAR * contact_distance).max(fall - SHALLOW * contact_distance)
+    pub(in crate::response) fn slack(fall: f64, contact_distance: f64, is_smooth: bool) -> f64 {
+        let near = if is_smooth { NEAR_OF_PATCHES } else { NEAR };
+        (near * contact_distance).max(fall - SHALLOW * contact_distance)
     }
 
     /// Whether a contact may act in the rest of the tick, when `share` of it has passed.
     fn may_act(self, pair: &StoredPair, record: &CompactContact, ways: Ways, share: f64) -> bool {
         let contact_distance = f64::from(pair.contact_distance);
         let separation = f64::from(record.distance) - contact_distance - ways.closed(pair, record);
-        let left = separation - Self::slack(self.fall, contact_distance);
+        let left = separation - Self::slack(self.fall, contact_distance, pair.is_smooth);
         left <= HASTE * (1.0 - share) * ways.ahead.length()
     }
 }
