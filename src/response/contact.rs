@@ -7,8 +7,9 @@ use super::particles::Particles;
 use crate::kernel::{
     simd::parallel::{Team, share},
     xpbd::{
-        At, Contact, Contacts, Evaluation, FeatureKind, FeatureParticles, FoundContacts, MovingRows, Plane, Slabs,
-        coloring::{Coloring, NONE},
+        At, Contact, Contacts, Evaluation, FeatureKind, FeatureParticles, FoundContacts, MovingRows, Place, Plane,
+        Slabs,
+        coloring::{Coloring, NONE, in_order},
     },
 };
 
@@ -81,49 +82,79 @@ type Lists = [List; 2];
 const FIRM: usize = 0;
 const LOOSE: usize = 1;
 
+/// In slabs, across each even slab and the next, across each odd one and the next, and what reaches farther.
+const PHASES: usize = 4;
+
+/// Another thread does not pay off for fewer contacts in a sweep.
+const LEAST_SHARED: usize = 256;
+
 /// All contacts of a tick. Those with static or kinematic particles come first: a symmetric sweep ends with the first
 /// contact, so they have the last word. Otherwise a stack would be pressed into the ground.
 ///
-/// Contacts in different slabs have no free particle in common, so slabs are solved at the same time. Then come the
-/// contacts between slabs.
+/// They are solved in phases. Contacts in different slabs have no free particle in common, so all slabs are solved at the
+/// same time. Then come those across a slab and the next: those of every other slab have none in common either. The few
+/// that reach farther come last.
 #[derive(Debug, Default)]
 pub struct SolverContacts {
     slabs: Slabs,
-    in_slabs: Vec<Lists>,
-    between: Lists,
+    phases: [Vec<Lists>; PHASES],
 }
 
 impl SolverContacts {
     /// Forgets all contacts, and splits the space between the particles of all bodies.
     pub fn begin(&mut self, particles: &Particles) {
         self.slabs.split(&particles.start);
-        self.in_slabs.resize_with(self.slabs.count(), Lists::default);
+        let count = self.slabs.count();
+        for (phase, count) in self.phases.iter_mut().zip([count, count / 2, (count - 1) / 2, 1]) {
+            phase.resize_with(count, Lists::default);
+        }
         self.lists_mut().for_each(|list| list.found.clear());
     }
 
     fn lists(&self) -> impl Iterator<Item = &List> {
-        self.in_slabs.as_flattened().iter().chain(&self.between)
+        self.phases.iter().flat_map(|phase| phase.as_flattened())
     }
 
     fn lists_mut(&mut self) -> impl Iterator<Item = &mut List> {
-        self.in_slabs.as_flattened_mut().iter_mut().chain(&mut self.between)
+        self.phases.iter_mut().flat_map(|phase| phase.as_flattened_mut())
+    }
+
+    /// The contacts of the place that particles are at.
+    fn lists_at(&mut self, particles: impl Iterator<Item = u32>) -> Option<&mut Lists> {
+        let [in_slabs, across_even, across_odd, far] = &mut self.phases;
+        match self.slabs.place(particles) {
+            Place::In(slab) => in_slabs.get_mut(slab),
+            Place::Across(slab) if slab.is_multiple_of(2) => across_even.get_mut(slab / 2),
+            Place::Across(slab) => across_odd.get_mut(slab / 2),
+            Place::Far => far.first_mut(),
+        }
     }
 
     /// Calls `work` with every list, in any order.
     fn for_each(&mut self, team: &dyn Team, work: impl Fn(&mut List) + Sync) {
-        share(team, &mut self.in_slabs, |lists| lists.iter_mut().for_each(&work));
-        self.between.iter_mut().for_each(work);
+        for phase in &mut self.phases {
+            share_if_many(
+                team,
+                phase,
+                |lists| lists.iter().map(|list| list.found.len()).sum(),
+                |lists| {
+                    lists.iter_mut().for_each(&work);
+                },
+            );
+        }
     }
 
-    /// Calls `work` with the firm or the loose contacts of every slab, and then with those in between, or the other way
-    /// round.
+    /// Calls `work` with the firm or the loose contacts, phase by phase, or backward.
     fn sweep(&mut self, team: &dyn Team, kind: usize, is_backward: bool, work: impl Fn(&mut Contacts) + Sync) {
-        for is_between in [is_backward, !is_backward] {
-            if is_between {
-                work(&mut self.between[kind].colored);
-            } else if self.in_slabs.iter().any(|lists| !lists[kind].found.is_empty()) {
-                share(team, &mut self.in_slabs, |lists| work(&mut lists[kind].colored));
-            }
+        for phase in in_order(PHASES, is_backward) {
+            share_if_many(
+                team,
+                &mut self.phases[phase],
+                |lists| lists[kind].found.len(),
+                |lists| {
+                    work(&mut lists[kind].colored);
+                },
+            );
         }
     }
 
@@ -135,8 +166,8 @@ impl SolverContacts {
     /// Adds a contact between particles that exist already.
     pub fn push(&mut self, constraint: &ContactConstraint, particles: &Particles) {
         let kind = if constraint.is_on_firm_ground(particles) { FIRM } else { LOOSE };
-        let slab = self.slabs.common(constraint.parts.particles());
-        let found = &mut self.in_slabs.get_mut(slab).unwrap_or(&mut self.between)[kind].found;
+        let Some(lists) = self.lists_at(constraint.parts.particles()) else { return };
+        let found = &mut lists[kind].found;
         let is_free = |particle: u32| particles.is_free(particle);
         match &constraint.parts {
             Features::VertexFace(parts) => {
@@ -217,5 +248,21 @@ impl SolverContacts {
     pub fn counts(&mut self) -> [usize; 2] {
         let counts = self.lists_mut().map(|list| list.colored.counts());
         counts.fold([0; 2], |[acting, pressing], [a, p]| [acting + a, pressing + p])
+    }
+}
+
+/// Calls `work` with the contacts of every place of a phase, on several threads if there are many. `count` says how many
+/// a place has. There is nothing to do where there are none.
+fn share_if_many(
+    team: &dyn Team,
+    phase: &mut [Lists],
+    count: impl Fn(&Lists) -> usize,
+    work: impl Fn(&mut Lists) + Sync,
+) {
+    let count: usize = phase.iter().map(count).sum();
+    if count >= LEAST_SHARED {
+        share(team, phase, work);
+    } else if count > 0 {
+        phase.iter_mut().for_each(work);
     }
 }

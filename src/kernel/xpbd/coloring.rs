@@ -20,7 +20,7 @@ pub(super) fn lanes_of(block: &Block) -> impl Iterator<Item = (usize, usize)> {
 }
 
 /// The places of a list, from the first to the last or backward.
-pub(super) fn in_order(count: usize, is_backward: bool) -> impl Iterator<Item = usize> {
+pub fn in_order(count: usize, is_backward: bool) -> impl Iterator<Item = usize> {
     (0..count).map(move |place| if is_backward { count - 1 - place } else { place })
 }
 

@@ -38,11 +38,12 @@ pub struct FoundContacts {
     wide_planes: Vec<Contact<Plane<6>>>,
     /// How many there were of each kind when a batch ended.
     batches: Vec<[usize; KINDS]>,
+    count: usize,
 }
 
 impl FoundContacts {
     pub fn clear(&mut self) {
-        let Self { vertex_face, vertices, faces, edge_edge, edges, points, planes, wide_planes, batches } = self;
+        let Self { vertex_face, vertices, faces, edge_edge, edges, points, planes, wide_planes, batches, count } = self;
         for list in [vertex_face, vertices, faces, edge_edge, edges] {
             list.clear();
         }
@@ -50,6 +51,7 @@ impl FoundContacts {
         planes.clear();
         wide_planes.clear();
         batches.clear();
+        *count = 0;
     }
 
     fn counts(&self) -> [usize; KINDS] {
@@ -60,18 +62,19 @@ impl FoundContacts {
 
     /// The number of contacts.
     #[must_use]
-    pub fn len(&self) -> usize {
-        self.counts().iter().sum()
+    pub const fn len(&self) -> usize {
+        self.count
     }
 
     /// Whether there are none.
     #[must_use]
-    pub fn is_empty(&self) -> bool {
-        self.len() == 0
+    pub const fn is_empty(&self) -> bool {
+        self.count == 0
     }
 
     fn end_of_one(&mut self) {
-        if self.len().is_multiple_of(BATCH) {
+        self.count += 1;
+        if self.count.is_multiple_of(BATCH) {
             self.batches.push(self.counts());
         }
     }

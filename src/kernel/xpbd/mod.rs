@@ -29,7 +29,7 @@ pub use features::FeatureKind;
 pub use hinges::{HingeRests, Hinges, bend_at};
 pub use lists::{Contacts, FoundContacts};
 pub use rows::{MovingRows, ParticleRows, Placed};
-pub use slabs::Slabs;
+pub use slabs::{Place, Slabs};
 pub use springs::{SpringRests, Springs};
 pub use tethers::{Tethered, Tethers};
 pub use volume::{VolumeRest, Volumes};

@@ -64,7 +64,8 @@ pub(super) struct SharedRows<'a>(&'a [Cell<Row>]);
 #[expect(unsafe_code, reason = "an atomic row costs more than its arithmetic")]
 // SAFETY: while several threads have the rows, those of kinematic particles are only read: `scatter_free` leaves them
 // out, and nothing else writes. Each thread solves constraints in other slabs, which have no free particle in common, so
-// a row of one is read and written by one thread only. What is between slabs is solved by a thread alone.
+// a row of one is read and written by one thread only. So do threads that solve what is across slabs and the next ones,
+// for slabs that are not neighbors. What reaches farther is solved by a thread alone.
 unsafe impl Sync for SharedRows<'_> {}
 
 impl<'a> SharedRows<'a> {

@@ -58,10 +58,33 @@ impl Slabs {
     /// The slab that all of these points are in, or else the number of slabs. Points that were not there when space was
     /// split do not count.
     pub fn common(&self, points: impl Iterator<Item = u32>) -> usize {
-        let mut slabs = points.filter_map(|point| self.of_points.get(point as usize));
-        let Some(&first) = slabs.next() else { return self.count };
-        if slabs.all(|&other| other == first) { usize::from(first) } else { self.count }
+        match self.place(points) {
+            Place::In(slab) => slab,
+            Place::Across(_) | Place::Far => self.count,
+        }
     }
+
+    /// Where these points are. Points that were not there when space was split do not count.
+    pub fn place(&self, points: impl Iterator<Item = u32>) -> Place {
+        let slabs = points.filter_map(|point| self.of_points.get(point as usize));
+        let (first, last) = slabs.fold((u8::MAX, 0), |(first, last), &slab| (first.min(slab), last.max(slab)));
+        match last.checked_sub(first) {
+            Some(0) => Place::In(usize::from(first)),
+            Some(1) => Place::Across(usize::from(first)),
+            _ => Place::Far,
+        }
+    }
+}
+
+/// Where some points are among the slabs.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Place {
+    /// All in one slab.
+    In(usize),
+    /// In a slab and the next.
+    Across(usize),
+    /// In slabs that are not neighbors, or in none.
+    Far,
 }
 
 #[cfg(test)]
@@ -87,6 +110,15 @@ mod tests {
         assert_eq!(sizes, [512; 8]);
         assert_eq!(slabs.common([0, 64].into_iter()), slabs.common([0].into_iter()));
         assert_eq!(slabs.common([0, 32].into_iter()), 8);
+        for [a, b] in [[0, 64], [0, 7], [9, 2], [0, 32]] {
+            let slabs_of = [a, b].map(|place| column(place) as usize / 8);
+            let place = match slabs_of[0].abs_diff(slabs_of[1]) {
+                0 => Place::In(slabs_of[0]),
+                1 => Place::Across(slabs_of[0].min(slabs_of[1])),
+                _ => Place::Far,
+            };
+            assert_eq!(slabs.place([a, b].into_iter()), place, "{a} {b}");
+        }
         assert_eq!(slabs.common([9999, 0].into_iter()), slabs.common([0].into_iter()));
         assert_eq!(slabs.common([9999].into_iter()), 8);
     }
