@@ -35,16 +35,16 @@ pub struct XpbdMaterial {
     pub area_density: f32,
     /// Compliance of every edge against stretching and compression, in meters per newton; 0 or more. Default 0: cloth
     /// hardly stretches.
-    #[cfg_attr(feature = "serde", serde(with = "super::compliance"))]
+    #[cfg_attr(feature = "serde", serde(with = "super::infinite"))]
     pub stretch_compliance: f32,
     /// Compliance of every inner edge against bending, in radians per newton meter; 0 or more. Default 30,000, a soft
     /// cloth with edges of a few centimeters.
-    #[cfg_attr(feature = "serde", serde(with = "super::compliance"))]
+    #[cfg_attr(feature = "serde", serde(with = "super::infinite"))]
     pub bend_compliance: f32,
     /// Compliance of a closed body against a change of its volume, in cubic meters per pascal; 0 or more. Default
     /// infinite: cloth has no volume. It has no effect on surfaces that are not [closed](SurfaceTopology::is_closed):
     /// [`XpbdBody::new`] warns about the first one.
-    #[cfg_attr(feature = "serde", serde(with = "super::compliance"))]
+    #[cfg_attr(feature = "serde", serde(with = "super::infinite"))]
     pub volume_compliance: f32,
     /// Share of the velocity lost to air drag, per second; 0 or more. Default 2: a light cloth falls at 5 meters per
     /// second at most.
@@ -173,10 +173,13 @@ pub(super) struct RestShape {
     pub(super) hinges: HingeRests,
     /// Only if the surface is closed and encloses a volume.
     pub(super) volume: Option<VolumeRest>,
+    /// What it was made from.
+    #[cfg(feature = "serde")]
+    pub(super) positions: Vec<Vec3>,
 }
 
 impl RestShape {
-    fn new(topology: &SurfaceTopology, positions: &[Vec3]) -> Self {
+    pub(super) fn new(topology: &SurfaceTopology, positions: &[Vec3]) -> Self {
         let points: Vec<DVec3> = positions.iter().map(|position| position.as_dvec3()).collect();
         let mut springs = Vec::with_capacity(topology.edges().len());
         let mut hinges = Vec::new();
@@ -197,6 +200,8 @@ impl RestShape {
             springs: SpringRests::new(points.len(), &slabs, springs.into_iter()),
             hinges: HingeRests::new(points.len(), &slabs, hinges.into_iter()),
             volume: volume.flatten(),
+            #[cfg(feature = "serde")]
+            positions: positions.to_vec(),
         }
     }
 }
@@ -245,7 +250,7 @@ pub struct XpbdBody {
     /// The material.
     pub material: XpbdMaterial,
     /// The mesh that the body was made for.
-    mesh: Arc<SurfaceTopology>,
+    pub(super) mesh: Arc<SurfaceTopology>,
     pub(super) rest: Arc<RestShape>,
     /// The positions that the response last wrote, in the surface's own frame.
     pub(super) written: Vec<Vec3>,
@@ -268,9 +273,7 @@ impl XpbdBody {
         let topology = surface.topology();
         let expected = topology.vertex_count();
         count("positions", expected, positions.0.len())?;
-        if let Some(vertex) = crate::surface::first_non_finite(&positions.0) {
-            return Err(XpbdBodyError::NonFinitePosition(vertex));
-        }
+        check_finite(&positions.0)?;
         check_material(&material)?;
         let mut areas = vec![0.0; expected];
         for &triangle in topology.welded_triangles() {
@@ -417,8 +420,12 @@ fn warn_of_open_volume(topology: &SurfaceTopology) {
     );
 }
 
-fn count(what: &'static str, expected: usize, found: usize) -> Result<(), XpbdBodyError> {
+pub(super) fn count(what: &'static str, expected: usize, found: usize) -> Result<(), XpbdBodyError> {
     if expected == found { Ok(()) } else { Err(XpbdBodyError::Count { what, expected, found }) }
+}
+
+pub(super) fn check_finite(positions: &[Vec3]) -> Result<(), XpbdBodyError> {
+    crate::surface::first_non_finite(positions).map_or(Ok(()), |vertex| Err(XpbdBodyError::NonFinitePosition(vertex)))
 }
 
 fn check_material(material: &XpbdMaterial) -> Result<(), XpbdBodyError> {

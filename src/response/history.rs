@@ -23,10 +23,10 @@ impl ResponseHistory {
     pub(crate) fn of(world: &World) -> Self {
         let Some(response) = world.get_resource::<Response>() else { return Self::default() };
         Self {
-            motions: world.get_resource().cloned().unwrap_or_default(),
+            motions: world.get_resource().map(Motions::remembered).unwrap_or_default(),
             sleep: world.get_resource().cloned().unwrap_or_default(),
             margins: response.margins.clone(),
-            insides: response.gatherer.insides.clone(),
+            insides: response.gatherer.insides.remembered(),
         }
     }
 

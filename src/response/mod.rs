@@ -117,13 +117,13 @@
 //! ```
 
 mod body;
-#[cfg(feature = "serde")]
-mod compliance;
 mod contact;
 mod forces;
 mod gather;
 mod guard;
 mod history;
+#[cfg(feature = "serde")]
+mod infinite;
 mod inside;
 mod meeting;
 mod motion;
@@ -132,6 +132,8 @@ mod reaction;
 mod record;
 mod respond;
 mod scene;
+#[cfg(feature = "serde")]
+mod serialized;
 mod settings;
 mod sleep;
 mod solver;

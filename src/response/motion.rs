@@ -63,6 +63,11 @@ struct Reach {
 }
 
 impl Motions {
+    /// What the next tick depends on.
+    pub(super) fn remembered(&self) -> Self {
+        Self { tick: self.tick, traces: self.traces.clone(), ..Self::default() }
+    }
+
     /// Number of parts of the tick, 1 or more.
     pub(super) fn parts(&self) -> u32 {
         self.parts.max(1)

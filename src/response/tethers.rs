@@ -1,6 +1,10 @@
 //! Tethers: they keep vertices of a body near places that something else moves.
 
-use bevy_ecs::{entity::EntityHashMap, prelude::*, system::SystemParam};
+use bevy_ecs::{
+    entity::{EntityHashMap, MapEntities},
+    prelude::*,
+    system::SystemParam,
+};
 #[cfg(feature = "reflect")]
 use bevy_reflect::prelude::*;
 use bevy_time::Time;
@@ -21,13 +25,15 @@ use crate::{
 };
 
 /// A place that a vertex is tethered to.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, MapEntities, PartialEq)]
 #[cfg_attr(feature = "reflect", derive(Reflect), reflect(opaque, Clone, Debug, PartialEq))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum TetherTarget {
     /// A place on a surface that the game moves, such as a skinned body. What is behind it is the inside of the surface.
     /// On a surface that the solver moves, it is where the place was when the tick began.
     Surface {
         /// The entity of the surface.
+        #[entities]
         entity: Entity,
         /// The triangle.
         triangle: TriangleId,
@@ -39,6 +45,7 @@ pub enum TetherTarget {
     /// A point in the frame of an entity with a `Transform`, such as a hand. Nothing is behind it.
     Entity {
         /// The entity.
+        #[entities]
         entity: Entity,
         /// The point, in its frame.
         point: Vec3,
@@ -48,18 +55,22 @@ pub enum TetherTarget {
 }
 
 /// Keeps one vertex near its target.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, MapEntities, PartialEq)]
 #[cfg_attr(feature = "reflect", derive(Reflect), reflect(opaque, Clone, Debug, PartialEq))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Tether {
     /// The vertex.
     pub vertex: VertexId,
     /// Where it is held.
+    #[entities]
     pub target: TetherTarget,
     /// The longest distance from the target, in world units; 0 or more, and infinite for no limit. 0 pins the vertex: it
     /// is at the target, whatever pushes it.
+    #[cfg_attr(feature = "serde", serde(with = "super::infinite"))]
     pub longest: f32,
     /// The longest distance behind the target, in world units, against the normal of the surface that it is on;
     /// infinite for no limit, and negative if the vertex has to stay that far in front.
+    #[cfg_attr(feature = "serde", serde(with = "super::infinite"))]
     pub backstop: f32,
 }
 
@@ -99,17 +110,21 @@ impl Tether {
 #[cfg_attr(feature = "reflect", derive(Reflect), reflect(opaque, Component, Clone, Debug, Default))]
 pub struct XpbdTethers {
     /// The tethers.
+    #[entities]
     pub tethers: Vec<Tether>,
     /// Where the target of each was at the end of the last tick, and is now.
+    #[entities]
     ways: Vec<Option<[Place; 2]>>,
 }
 
 /// Where a target is, and the direction away from what is behind it; zero if nothing is.
-#[derive(Clone, Copy, Debug)]
-struct Place {
-    tether: Tether,
-    at: DVec3,
-    normal: DVec3,
+#[derive(Clone, Copy, Debug, MapEntities)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub(super) struct Place {
+    #[entities]
+    pub(super) tether: Tether,
+    pub(super) at: DVec3,
+    pub(super) normal: DVec3,
 }
 
 impl XpbdTethers {
@@ -160,6 +175,19 @@ impl XpbdTethers {
             Some(Tether { vertex, target, longest, backstop: height - clearance })
         });
         Self::new(tethers)
+    }
+
+    /// Tethers whose targets were at these places at the end of the last tick.
+    #[cfg(feature = "serde")]
+    pub(super) fn known(tethers: Vec<Tether>, last: Vec<Option<Place>>) -> Self {
+        Self { tethers, ways: last.into_iter().map(|place| place.map(|place| [place; 2])).collect() }
+    }
+
+    /// Where the target of each tether was at the end of the last tick.
+    #[cfg(feature = "serde")]
+    pub(super) fn last_places(&self) -> impl Iterator<Item = Option<Place>> {
+        let now = |way: &Option<[Place; 2]>| way.map(|[_, now]| now);
+        (0..self.tethers.len()).map(move |number| self.ways.get(number).and_then(now))
     }
 
     /// The number of tethers that have an effect, or `None` if a target moves in this tick.

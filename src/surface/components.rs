@@ -365,7 +365,7 @@ pub enum SurfaceStatus {
     Waiting,
     /// It took part.
     Active,
-    /// It is [disabled](SurfaceDisabled).
+    /// It is [disabled](SurfaceDisabled), or its entity is, by Bevy's `Disabled`.
     Disabled,
     /// It cannot be used. It becomes active again as soon as it can.
     Quarantined(QuarantineReason),

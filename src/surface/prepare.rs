@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use bevy_app::prelude::*;
 use bevy_ecs::{
+    entity_disabling::Disabled,
     prelude::*,
     query::QueryData,
     schedule::{InternedScheduleLabel, ScheduleLabel},
@@ -62,7 +63,7 @@ impl Plugin for SurfacePlugin {
             .init_resource::<NextRegistration>()
             .init_resource::<PendingQuarantines>()
             .init_resource::<DetectionDiagnostics>();
-        let systems = (gather_surfaces, gather_shapes).chain();
+        let systems = (gather_surfaces, gather_shapes, note_disabled).chain();
         app.add_systems(self.schedule, systems.in_set(GatherSurfaces).in_set(DeformableSystems::Prepare));
     }
 }
@@ -337,6 +338,13 @@ fn gather_shapes(
     }
     active.surfaces.sort_unstable_by_key(|surface| surface.order);
     active.shapes.sort_unstable_by_key(|shape| shape.order);
+}
+
+/// Entities that are disabled as a whole, as in a pool, are like surfaces and shapes with [`SurfaceDisabled`].
+fn note_disabled(mut disabled: Query<&mut SurfaceStatus, With<Disabled>>) {
+    for mut status in &mut disabled {
+        status.set_if_neq(SurfaceStatus::Disabled);
+    }
 }
 
 fn add_shape(

@@ -60,6 +60,7 @@ use crate::kernel::{
 #[component(immutable, on_insert = Self::on_insert, on_discard = Self::on_discard)]
 #[require(SurfaceFrame, SurfaceLayers, SurfaceStatus, Registration, Transform)]
 #[cfg_attr(feature = "reflect", derive(Reflect), reflect(opaque, Component, Clone))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize))]
 pub struct RigidShape(pub SharedShape);
 
 /// Names the kind of shape.
@@ -164,6 +165,12 @@ fn prepare(shape: &SharedShape) -> Prepared {
             Prepared { solid: PreparedShape(solid.map(Some)), mesh: None }
         }
     }
+}
+
+/// Why a shape cannot be tested.
+#[cfg(feature = "serde")]
+pub(super) fn check(shape: &SharedShape) -> Result<(), ShapeError> {
+    prepare(shape).solid.0.map(|_| ())
 }
 
 /// The mesh of a shape.

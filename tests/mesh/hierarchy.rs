@@ -2,7 +2,7 @@
 
 use bevy_app::prelude::*;
 use bevy_circumsphere::prelude::*;
-use bevy_ecs::prelude::*;
+use bevy_ecs::{entity_disabling::Disabled, prelude::*};
 use bevy_transform::components::Transform;
 
 use crate::world::{THIN, add, app, contacts_of, floor, indexed, sheet, status};
@@ -98,4 +98,32 @@ fn the_nearest_root_decides_and_components_of_the_game_stay() {
     app.update();
     assert_eq!(method(&app, mesh), Some(ContactMethod::Closest));
     assert_eq!(method(&app, own), Some(ContactMethod::Polygon));
+}
+
+#[test]
+fn by_default_all_meshes_become_surfaces() {
+    let mut app = app();
+    let root = app.world_mut().spawn((SurfaceFromMeshHierarchy::default(), Transform::default())).id();
+    let [_, body] = node(&mut app, "Body", Some(root));
+    app.update();
+    assert_eq!(status(&app, body), SurfaceStatus::Active);
+}
+
+#[test]
+fn what_was_loaded_into_a_pool_becomes_a_surface_when_it_is_taken_out() {
+    let mut app = app();
+    // Another root, which keeps the search for meshes going.
+    app.world_mut().spawn((SurfaceFromMeshHierarchy::default(), Transform::default()));
+    let pooled = (SurfaceFromMeshHierarchy::default(), Transform::default(), Disabled);
+    let root = app.world_mut().spawn(pooled).id();
+    let [body_node, body] = node(&mut app, "Body", Some(root));
+    app.world_mut().entity_mut(root).insert_recursive::<Children>(Disabled);
+    app.update();
+    app.update();
+    assert_eq!(app.world().get::<DeformableSurface>(body).map(|_| ()), None, "it takes no part");
+    for entity in [root, body_node, body] {
+        app.world_mut().entity_mut(entity).remove::<Disabled>();
+    }
+    app.update();
+    assert_eq!(status(&app, body), SurfaceStatus::Active);
 }

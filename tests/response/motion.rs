@@ -1,6 +1,8 @@
 //! Bodies without contacts, against closed forms.
 
 use bevy_circumsphere::{prelude::*, response::*};
+use bevy_ecs::{entity_disabling::Disabled, prelude::*};
+use bevy_transform::components::Transform;
 use circumsphere_support::scenes::{Diagonals, grid, icosphere};
 use glam::{DVec3, Vec3};
 
@@ -121,4 +123,28 @@ fn a_soft_ball_keeps_its_volume_where_a_shell_does_not() {
     });
     assert!((volumes[0] - 1.0).abs() < 0.02, "{volumes:?}");
     assert!(volumes[1] < 0.9, "the shell keeps too much of its volume: {volumes:?}");
+}
+
+/// What is taken out of a pool begins where the game puts it, whichever component kept it there.
+#[test]
+fn a_body_that_was_disabled_is_where_its_transform_puts_it() {
+    fn pooled(put: fn(&mut EntityWorldMut), take: fn(&mut EntityWorldMut)) {
+        let mut scene = Scene::new();
+        let mesh = grid(4, 4, 1.0, 1.0, Diagonals::Uniform);
+        let cloth = scene.add(&mesh, LOSSLESS, Transform::default());
+        scene.run(5);
+        let before = mean(scene.positions(cloth));
+        put(&mut scene.app.world_mut().entity_mut(cloth));
+        scene.app.world_mut().get_mut::<Transform>(cloth).unwrap().translation.x = 10.0;
+        scene.run(3);
+        assert_eq!(scene.app.world().get::<SurfaceStatus>(cloth), Some(&SurfaceStatus::Disabled));
+        assert_eq!(mean(scene.positions(cloth)), before, "time stands still for it");
+        take(&mut scene.app.world_mut().entity_mut(cloth));
+        scene.run(1);
+        let after = mean(scene.positions(cloth));
+        // Relative to its transform, it has only fallen on. Positions are stored in single precision.
+        assert!((after.x - before.x).abs() < 1e-5 && after.y < before.y, "{before} {after}");
+    }
+    pooled(|cloth| _ = cloth.insert(SurfaceDisabled), |cloth| _ = cloth.remove::<SurfaceDisabled>());
+    pooled(|cloth| _ = cloth.insert(Disabled), |cloth| _ = cloth.remove::<Disabled>());
 }

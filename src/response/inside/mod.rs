@@ -147,6 +147,11 @@ impl Body<'_> {
 }
 
 impl Insides {
+    /// What the next detection depends on.
+    pub(super) fn remembered(&self) -> Self {
+        Self { near: self.near.clone(), ways: self.ways.clone(), ..Self::default() }
+    }
+
     /// Whether a particle is being pushed out of a surface or shape.
     pub(super) fn is_leaving(&self, surface: Entity, particle: u32) -> bool {
         !self.leaving.is_empty() && self.leaving.get(&surface).is_some_and(|particles| particles.contains(&particle))

@@ -131,13 +131,20 @@ impl SurfaceSettings {
 /// ));
 /// # }
 /// ```
-#[derive(Component, Clone, Debug, Default, PartialEq)]
+#[derive(Component, Clone, Debug, PartialEq)]
 #[cfg_attr(feature = "reflect", derive(Reflect), reflect(Component, Clone, Debug, Default, PartialEq))]
 pub struct SurfaceFromMeshHierarchy {
-    /// For meshes that are not listed by name. `None` leaves them out.
+    /// For meshes that are not listed by name. `None` leaves them out. Default: [`SurfaceFromMesh::default`].
     pub default: Option<SurfaceFromMesh>,
     /// By name. `None` leaves a mesh out.
     pub by_name: HashMap<String, Option<SurfaceFromMesh>>,
+}
+
+impl Default for SurfaceFromMeshHierarchy {
+    /// Makes surfaces of all meshes.
+    fn default() -> Self {
+        Self::new(SurfaceFromMesh::default())
+    }
 }
 
 impl SurfaceFromMeshHierarchy {

@@ -1,19 +1,24 @@
 //! Makes surfaces of the meshes below a root, as soon as they are there.
 
-use bevy_ecs::prelude::*;
+use bevy_ecs::{entity_disabling::Disabled, prelude::*, query::Allow};
 use bevy_mesh::Mesh3d;
 
 use super::components::{SurfaceFromMesh, SurfaceFromMeshHierarchy};
 
+type New = Or<(Added<Mesh3d>, Changed<ChildOf>, Changed<SurfaceFromMeshHierarchy>)>;
+
+/// Also of what is disabled, as in a pool: nothing tells when it is enabled.
+type Any = Allow<Disabled>;
+
 /// Inserts [`SurfaceFromMesh`] into meshes that are new below a root.
 pub(super) fn find_meshes(
     mut commands: Commands,
-    changed: Query<Entity, Or<(Added<Mesh3d>, Changed<ChildOf>, Changed<SurfaceFromMeshHierarchy>)>>,
-    roots: Query<&SurfaceFromMeshHierarchy>,
-    meshes: Query<(), (With<Mesh3d>, Without<SurfaceFromMesh>)>,
-    parents: Query<&ChildOf>,
-    children: Query<&Children>,
-    names: Query<&Name>,
+    changed: Query<Entity, (New, Any)>,
+    roots: Query<&SurfaceFromMeshHierarchy, Any>,
+    meshes: Query<(), (With<Mesh3d>, Without<SurfaceFromMesh>, Any)>,
+    parents: Query<&ChildOf, Any>,
+    children: Query<&Children, Any>,
+    names: Query<&Name, Any>,
 ) {
     for top in &changed {
         let below = children.iter_descendants(top);

@@ -1,6 +1,9 @@
 //! The promises of the feature `serde`: values come back as they were, files may leave out what is a default, and data
 //! that no constructor would accept is an error.
 
+mod bodies;
+mod shapes;
+
 use std::fmt::Debug;
 
 use bevy_app::prelude::*;
