@@ -1,6 +1,10 @@
 #![doc = include_str!("doc_links.md")]
 #![doc = include_str!("../README.md")]
 
+// For what unit tests share with the tests outside.
+#[cfg(test)]
+extern crate self as bevy_circumsphere;
+
 mod contacts;
 #[cfg(any(feature = "gizmos", feature = "rerun"))]
 pub mod debug;

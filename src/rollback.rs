@@ -13,6 +13,9 @@ use bevy_ecs::{
 #[cfg(feature = "reflect")]
 use bevy_reflect::prelude::*;
 
+#[cfg(test)]
+mod tests;
+
 use crate::{
     contacts::{ContactStore, TouchingSides},
     detection::{DetectionMemory, SweptHistory},

@@ -39,3 +39,12 @@ impl ResponseHistory {
         world.insert_resource(self.sleep.clone());
     }
 }
+
+/// The parts, each with how a history takes it over from another: for the test that each is needed.
+#[cfg(test)]
+pub(crate) const PARTS: [(&str, fn(&mut ResponseHistory, &ResponseHistory)); 4] = [
+    ("motions", |own, other| own.motions = other.motions.clone()),
+    ("sleep", |own, other| own.sleep = other.sleep.clone()),
+    ("margins", |own, other| own.margins = other.margins.clone()),
+    ("ways out of solids", |own, other| own.insides = other.insides.clone()),
+];

@@ -154,6 +154,8 @@ use crate::{
 };
 pub use body::{SurfaceFriction, XpbdBody, XpbdBodyError, XpbdMaterial};
 pub use forces::{SurfaceForces, SurfaceWind};
+#[cfg(test)]
+pub(crate) use history::PARTS as HISTORY_PARTS;
 pub(crate) use history::ResponseHistory;
 pub use reaction::SurfaceReaction;
 pub use respond::XpbdDiagnostics;
