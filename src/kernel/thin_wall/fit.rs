@@ -129,9 +129,9 @@ fn gaps(
     for side in 0..side_count {
         let [a, b, c] = thick.surface.corners[side];
         let center = (a + b + c) / 3.0;
-        let near = body.facets.closest(center, 0.5 * thick.reach(), |near, _| {
-            out(side).dot(body.normals[near as usize]) >= SIDE_COSINE
-        });
+        let near = body
+            .facets
+            .closest(center, 0.5 * thick.reach(), |near, _| out(side).dot(body.normals[near as usize]) >= SIDE_COSINE);
         if let Some((_, closest)) = near.filter(|_| !thick.contains(center)) {
             add(side, center, (closest - center).dot(out(side)), 0.5 * (b - a).cross(c - a).length());
         }
