@@ -127,10 +127,12 @@ fn relief_on_one_side_is_followed() {
 
 #[test]
 fn rough_walls_become_sheets() {
-    // Vertices stray by up to a twentieth of the thickness.
-    check("rough sphere", &rough(sphere(0.03), 0.0075), 0.25);
-    check("rough ring", &rough(ring(), 0.003), 0.25);
-    check("rough vase", &rough(vase(), 0.003), 0.25);
+    // Vertices stray by up to a twentieth of the thickness along each axis, so by up to 0.087 thicknesses. The rest is as
+    // for even walls.
+    const MOST: f64 = 0.15;
+    check("rough sphere", &rough(sphere(0.03), 0.0075), MOST);
+    check("rough ring", &rough(ring(), 0.003), MOST);
+    check("rough vase", &rough(vase(), 0.003), MOST);
 }
 
 #[test]

@@ -1,7 +1,7 @@
 //! Fits thickened sheets to both sides of their walls.
 //!
-//! The carrier of a sheet knows the thickness at its own vertices. Where the other side is uneven in between, the sheet and its
-//! thickness give way to the mean distance around each vertex.
+//! The carrier of a sheet knows the thickness at its own vertices. Where the other side is uneven in between, each vertex
+//! moves along its normal, and changes its thickness, by the mean distances of both sides around it.
 
 use glam::DVec3;
 
@@ -20,6 +20,9 @@ const ROUNDS: usize = 4;
 
 /// Faces within this cosine of each other's normal are the same side.
 const SIDE_COSINE: f64 = 0.5;
+
+/// Faces farther from a side than this share of the largest half-thickness are no part of it.
+const NEAR: f64 = 0.5;
 
 /// The farthest that a side moves in a round, in half-thicknesses.
 const MOST_STEP: f64 = 0.25;
@@ -117,7 +120,7 @@ fn gaps(
     for triangle in 0..body.triangle_count() {
         let samples = pairing.of(triangle);
         for sample in samples {
-            let near = thick.surface.closest(sample.point, 0.5 * thick.reach(), |near, _| {
+            let near = thick.surface.closest(sample.point, NEAR * thick.reach(), |near, _| {
                 (near as usize) < side_count && out(near as usize).dot(body.normals[triangle]) >= SIDE_COSINE
             });
             if let Some((near, closest)) = near {
@@ -131,7 +134,7 @@ fn gaps(
         let center = (a + b + c) / 3.0;
         let near = body
             .facets
-            .closest(center, 0.5 * thick.reach(), |near, _| out(side).dot(body.normals[near as usize]) >= SIDE_COSINE);
+            .closest(center, NEAR * thick.reach(), |near, _| out(side).dot(body.normals[near as usize]) >= SIDE_COSINE);
         if let Some((_, closest)) = near.filter(|_| !thick.contains(center)) {
             add(side, center, (closest - center).dot(out(side)), 0.5 * (b - a).cross(c - a).length());
         }
