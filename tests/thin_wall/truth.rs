@@ -162,7 +162,7 @@ pub(super) fn check(name: &str, mesh: &Mesh, walls: &ThinWalls, deviation: &Devi
         let triangle = next(&mut random);
         let (point, weights) = triangle.random(&mut random);
         let half: f64 = (0..3).map(|k| weights[k] * triangle.halves[k]).sum();
-        let point = point + triangle.normal() * if place % 2 == 0 { half } else { -half };
+        let point = point + triangle.normal() * [half, -half][place % 2];
         if sheets.distance(point) >= -(1.0 - INSIDE) * half {
             seen += 1;
             back = back.max(original.distance(point));

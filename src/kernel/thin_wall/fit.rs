@@ -109,7 +109,7 @@ fn gaps(
 ) -> Vec<[Gap; 2]> {
     let thick = Thickened::new(body, segments, sheet);
     let side_count = 2 * ways.len();
-    let out = |side: usize| if side % 2 == 0 { ways[side / 2] } else { -ways[side / 2] };
+    let out = |side: usize| [ways[side / 2], -ways[side / 2]][side % 2];
     let mut gaps = vec![[Gap::default(); 2]; places.of.len()];
     let mut add = |side: usize, point: DVec3, distance: f64, weight: f64| {
         let weights = barycentric_of(&thick.surface.corners[side], point);
