@@ -1,9 +1,11 @@
 //! Thin walls as sheets: generated panels with known middle surfaces, recordings, and meshes with defects.
 
 mod defects;
+mod hollow;
 mod panels;
 mod recordings;
 mod shells;
+mod truth;
 
 use bevy_circumsphere::geometry::thin_wall::{Deviation, ThinWallSettings, ThinWalls};
 use circumsphere_support::scenes::Mesh;
@@ -23,6 +25,10 @@ fn area(positions: &[Vec3], triangles: &[[u32; 3]]) -> f64 {
 
 fn sheet(walls: &ThinWalls) -> &[[u32; 3]] {
     &walls.triangles[..walls.sheet_regions.len()]
+}
+
+fn corners_of(walls: &ThinWalls, corners: &[u32; 3]) -> [DVec3; 3] {
+    corners.map(|corner| walls.positions[corner as usize].as_dvec3())
 }
 
 /// Finds the walls of a mesh, and checks what holds for every mesh.

@@ -7,7 +7,10 @@ use circumsphere_support::{
     scenes::Mesh,
 };
 
-use super::{assert_unchanged, find};
+use super::{assert_unchanged, find, truth};
+
+/// How many random balls look for lost contacts.
+const PROBES: usize = 10_000;
 
 /// A recording, or `None` if there are none.
 fn recorded(name: &str) -> Option<Mesh> {
@@ -36,6 +39,7 @@ fn thin_walled_parts_become_sheets() {
         assert!(walls.thin_area > 0.0, "{name} is thin");
         assert!(share >= 0.9, "{name}: {share}, {:?}", walls.left_out);
         assert!(deviation.over_thickness <= most, "{name}: {deviation:?}");
+        truth::probe(name, &mesh, &walls, &deviation, PROBES);
     }
 }
 

@@ -10,6 +10,7 @@
 mod body;
 mod depths;
 mod deviation;
+mod fit;
 mod pairing;
 mod regions;
 mod rims;
@@ -99,6 +100,7 @@ impl ThinWalls {
             let mut sheet = Sheet::new(&body, &pairing, &segments, &depths, &walls);
             seams::connect(&mut sheet);
             rims::extend(&body, &walls, &mut sheet);
+            fit::fit(&body, &pairing, &segments, &mut sheet);
             let thick = Thickened::new(&body, &segments, &sheet);
             let covered = deviation::covered(&body, &sheet, &thick, &walls);
             let fates = regions::fates(&body, &pairing, &segments, &walls, &is_thin, &is_inaccurate, &covered);
