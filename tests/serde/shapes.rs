@@ -51,7 +51,7 @@ fn contacts(shape: RigidShape) -> (usize, String) {
     let mut app = App::new();
     app.add_plugins(DeformableCollisionPlugins::new(Update));
     let mesh = grid(8, 8, 1.5, 1.5, Diagonals::Alternating);
-    let wave = |at: [f32; 3]| Vec3::from_array(at) + Vec3::Y * (0.3 + 0.02 * (5.0 * at[0]).sin());
+    let wave = |at: [f32; 3]| Vec3::from_array(at) + Vec3::Y * (0.3 + 0.02 * bevy_math::ops::sin(5.0 * at[0]));
     let points: Vec<Vec3> = mesh.positions.iter().map(|&at| wave(at)).collect();
     let sheet = DeformableSurface::from_mesh(&points, &mesh.triangles).expect("the mesh is sound");
     app.world_mut().spawn((sheet, SurfaceThickness::World(0.1)));
