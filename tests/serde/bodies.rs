@@ -96,7 +96,7 @@ impl Game {
     fn play(&mut self) {
         let time = self.tick as f32 / 60.0;
         let world = self.app.world_mut();
-        let wave = (TAU * time).sin();
+        let wave = bevy_math::ops::sin(TAU * time);
         let mut skin = world.get_mut::<SurfacePositions>(self.entities[0]).expect("a surface");
         let (_, rest) = surface(&icosphere(1, 0.3));
         skin.0 = rest.0.iter().map(|at| *at + Vec3::new(0.3 * wave, 0.1 * at.x * wave, 0.0)).collect();
