@@ -28,6 +28,10 @@ const HASTE: f32 = 1.25;
 /// And by this share of its distance from the border, even if nothing moves.
 const BEYOND: f32 = 0.02;
 
+/// Contact distances within which a vertex lies too deep. Farther out, borders do not hold it back, and a cloth that lands
+/// comes to rest sooner with them.
+const DEEP: f32 = 0.75;
+
 /// The particles, the scene, and one side of a pair with its pose.
 #[derive(Clone, Copy)]
 struct Stand<'a> {
@@ -38,8 +42,8 @@ struct Stand<'a> {
 }
 
 impl Gatherer {
-    /// The triangles that a contact is between. If a vertex is near the border of a triangle, but over another one that
-    /// shares the border, it is the other one.
+    /// The triangles that a contact is between. If a vertex is near the border of a triangle, but lies too deep over
+    /// another one that shares the border, it is the other one.
     pub(super) fn triangles_below(
         &self,
         particles: &Particles,
@@ -55,7 +59,8 @@ impl Gatherer {
         }
         let [first, second] = [0, 1].map(|side| Stand { particles, scene, side: sides[side], pose: &pair.poses[side] });
         let below = |stand, triangle, border, vertex: Option<(DVec3, f32)>| {
-            self.triangle_below(stand, (triangle, border), vertex?, record.distance)
+            let depths = [record.distance, DEEP * pair.contact_distance];
+            self.triangle_below(stand, (triangle, border), vertex?, depths)
         };
         match (record.features.a, record.features.b) {
             (Feature::Face, _) | (_, Feature::Face) => [a, b],
@@ -69,14 +74,14 @@ impl Gatherer {
         }
     }
 
-    /// The nearest of the other triangles that share a border, if it is nearer to a point than the border. The point
-    /// and its way in the tick are given, and its distance from the border.
+    /// The nearest of the other triangles that share a border, if it is nearer to a point than the border and `deep`. The
+    /// point and its way in the tick are given, and its distance from the border.
     fn triangle_below(
         &self,
         stand: Stand<'_>,
         (triangle, border): (u32, Feature),
         (point, mut way): (DVec3, f32),
-        distance: f32,
+        [distance, deep]: [f32; 2],
     ) -> Option<u32> {
         let topology = stand.side.topology()?;
         let place = triangle as usize;
@@ -103,7 +108,7 @@ impl Gatherer {
             }
         }
         let beyond = (distance * distance - least * least).sqrt();
-        nearest.filter(|_| beyond > 2.0 * HASTE * way + BEYOND * distance)
+        nearest.filter(|_| least < deep && beyond > 2.0 * HASTE * way + BEYOND * distance)
     }
 
     /// Where a corner of a triangle is at the beginning of the tick, and how far it would move in it.
