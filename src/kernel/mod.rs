@@ -4,6 +4,10 @@
 //! imports only from those before it: capacity, pose, simd, mesh, contact, pair, bvh, spatial hash, exact, smooth, query, spheres, ccd,
 //! tetrahedra, xpbd, pair fate, thin wall. `tests/architecture.rs` checks it.
 
+// First, for its macros.
+#[macro_use]
+pub mod simd;
+
 pub mod bvh;
 pub(crate) mod capacity;
 pub mod ccd;
@@ -14,7 +18,6 @@ pub mod pair;
 pub mod pair_fate;
 pub mod pose;
 pub mod query;
-pub mod simd;
 pub mod smooth;
 pub mod spatial_hash;
 pub mod spheres;

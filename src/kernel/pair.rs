@@ -1,7 +1,5 @@
 //! What all stages over triangle pairs share: the two sides in one frame, the distances that matter, and the results.
 
-#![expect(clippy::inline_always, reason = "called where code is compiled for the dispatched instruction set")]
-
 use glam::{DVec3, Vec3};
 
 use super::{
@@ -69,14 +67,14 @@ impl<'a> SurfaceSide<'a> {
 impl SurfaceSide<'_> {
     /// The corners of a triangle in the pair's frame, not rounded.
     #[inline]
-    pub(in crate::kernel) fn corners(&self, triangle: u32) -> [DVec3; 3] {
+    pub(crate) fn corners(&self, triangle: u32) -> [DVec3; 3] {
         let [first, second, third] = self.topology.triangles()[triangle as usize];
         let corner = |vertex: u32| self.moved_point(self.own_positions()[vertex as usize].as_dvec3());
         [corner(first), corner(second), corner(third)]
     }
 
     /// The corners of a triangle in the side's own frame.
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     pub(in crate::kernel) fn own_corners(&self, triangle: u32) -> [Vec3; 3] {
         if let Some(rows) = self.rows {
             return rows.of(triangle).corners.map(Vec3::from_array);
@@ -148,7 +146,7 @@ impl SurfaceSide<'_> {
 }
 
 impl Prefetch for SurfaceSide<'_> {
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     fn prefetch(&self, triangle: u32) {
         if let Some(rows) = self.rows {
             rows.prefetch(triangle);

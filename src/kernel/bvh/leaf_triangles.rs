@@ -8,14 +8,12 @@
 //! are the triangles, however the vector was rounded. Everything is relative to the center of the leaf, so rounding
 //! depends on the size and distance of the leaves, wherever the surface is.
 
-#![expect(clippy::inline_always, reason = "only inlined code is compiled for the dispatched instruction set")]
-
 mod close_pairs;
 mod lane_numbers;
 mod leaf_mesh;
 mod lower_bounds;
 
-use fearless_simd::{Level, dispatch, f32x8, prelude::*, u32x8};
+use fearless_simd::{f32x8, prelude::*, u32x8};
 use glam::Vec3;
 
 pub(in crate::kernel) use self::close_pairs::{ClosePairs, Groups};
@@ -189,7 +187,7 @@ impl LeafTriangles {
         }
         let tasks = blocks.chunks_mut(BLOCKS_AT_ONCE).zip(states.chunks_mut(BLOCKS_AT_ONCE)).enumerate();
         parallel.run_tasks(tasks, requested_count.div_ceil(BLOCKS_AT_ONCE), |(task, (blocks, states))| {
-            dispatch!(Level::new(), simd => {
+            dispatch!(simd => {
                 for first in (0..blocks.len()).step_by(GATHERED_AHEAD) {
                     let end = (first + GATHERED_AHEAD).min(blocks.len());
                     for place in first..end {
@@ -224,13 +222,13 @@ impl LeafTriangles {
 }
 
 impl Block {
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     fn corner<S: Simd>(&self, simd: S, corner: usize) -> [f32x8<S>; 3] {
         let [x, y, z] = &self.corners[corner];
         [f32x8::from_slice(simd, x), f32x8::from_slice(simd, y), f32x8::from_slice(simd, z)]
     }
 
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     fn gather(&mut self, tree: &BoxTree, leaf: usize, mesh: &LeafMesh<'_>) {
         let (triangles, positions) = (mesh.topology.triangles(), mesh.positions);
         let bounds = tree.leaf_bounds(leaf);
@@ -248,7 +246,7 @@ impl Block {
         }
     }
 
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     fn measure_planes<S: Simd>(&mut self, simd: S) {
         let [a, b, c] = [self.corner(simd, 0), self.corner(simd, 1), self.corner(simd, 2)];
         let (u, v) = (minus(b, a), minus(c, a));
@@ -272,7 +270,7 @@ impl Block {
     }
 }
 
-#[inline(always)]
+#[cfg_attr(not(unoptimized), inline(always))]
 fn splat<S: Simd>(simd: S, [x, y, z]: [f32; 3]) -> [f32x8<S>; 3] {
     [f32x8::splat(simd, x), f32x8::splat(simd, y), f32x8::splat(simd, z)]
 }
@@ -297,7 +295,7 @@ pub struct PairCull<'a> {
 
 impl<'a> PairCull<'a> {
     /// Tells which triangles of two leaves are neighbors. Reports none unless neighbors are to be dropped.
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     pub(in crate::kernel) fn neighbors_between(&self, leaves: [usize; 2]) -> Neighbors<'a> {
         let [first, second] = self.triangles;
         Neighbors(if self.neighbors {
@@ -308,14 +306,14 @@ impl<'a> PairCull<'a> {
     }
 
     /// Whether slabs drop any pairs.
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     pub(in crate::kernel) fn has_slabs(&self) -> bool {
         self.slabs < f32::INFINITY
     }
 
     /// Tells which triangles of two leaves slabs separate. Requires [slabs](Self::has_slabs): otherwise the triangles
     /// of the leaves are not up to date.
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     pub(in crate::kernel) fn between(&self, leaves: [usize; 2]) -> Separation<'a> {
         debug_assert!(
             (0..2).all(|side| self.triangles[side].states[leaves[side]] == LeafState::Current),
@@ -338,7 +336,7 @@ impl Neighbors<'_> {
     pub(in crate::kernel) const NONE: Self = Self(None);
 
     /// The lanes of the second leaf that share a vertex with the triangle in a lane of the first.
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     pub(in crate::kernel) fn of_lane<S: Simd>(&self, simd: S, lane: usize) -> u32 {
         let Some([[a, b, c], others]) = self.0 else { return 0 };
         let (first, second) = (u32x8::from_slice(simd, &others[0]), u32x8::from_slice(simd, &others[1]));
@@ -367,14 +365,14 @@ pub(in crate::kernel) struct Separation<'a> {
 
 impl Separation<'_> {
     /// The rounding error of a projection.
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     fn rounding(&self) -> f32 {
         self.extent * ROUNDING
     }
 
     /// Which of up to eight pairs of lanes are separated, along either normal or along the line between the centroids.
     /// The latter separates triangles that lie side by side in nearly one plane.
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     pub(in crate::kernel) fn separated<S: Simd>(&self, simd: S, pairs: &LanePairs<S>, corners: &Corners<S>) -> u32 {
         let needed = self.needed;
         if needed == f32::INFINITY {
@@ -396,7 +394,7 @@ impl Separation<'_> {
     }
 
     /// The corners of the triangles of the first leaf and of the second, in the frame of the second.
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     pub(in crate::kernel) fn corners<S: Simd>(&self, simd: S, pairs: &LanePairs<S>) -> Corners<S> {
         let [a, b, c] = &self.other.corners;
         let others = [pairs.of_second(simd, a), pairs.of_second(simd, b), pairs.of_second(simd, c)];
@@ -411,7 +409,7 @@ impl Separation<'_> {
     }
 
     /// The gaps between the triangles along the normal of the first, and of the second.
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     fn plane_gaps<S: Simd>(&self, simd: S, pairs: &LanePairs<S>, [corners, others]: &Corners<S>) -> [f32x8<S>; 2] {
         let (own, other) = (self.own, self.other);
         let normal = pairs.of_first(simd, &own.normals);
@@ -427,7 +425,7 @@ impl Separation<'_> {
 
 /// The gap between triangles along the line between their centroids, multiplied by the length of the direction, and the
 /// direction.
-#[inline(always)]
+#[cfg_attr(not(unoptimized), inline(always))]
 fn line_gap<S: Simd>([corners, others]: &Corners<S>) -> (f32x8<S>, [f32x8<S>; 3]) {
     let between = minus(plus(plus(others[0], others[1]), others[2]), plus(plus(corners[0], corners[1]), corners[2]));
     let ((low, high), (own_low, own_high)) = (project(others, between), project(corners, between));
@@ -442,13 +440,13 @@ pub(in crate::kernel) struct LanePairs<S: Simd> {
 
 impl<S: Simd> LanePairs<S> {
     /// Each of `pairs` is eight times the lane of the first leaf, plus the lane of the second.
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     pub(in crate::kernel) fn new(simd: S, pairs: &[u32; LEAF_WIDTH]) -> Self {
         let pairs = u32x8::from_slice(simd, pairs);
         Self { firsts: LaneNumbers(pairs >> 3), seconds: LaneNumbers(pairs & 7) }
     }
 
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     pub(in crate::kernel) fn items(
         &self,
         simd: S,
@@ -459,22 +457,22 @@ impl<S: Simd> LanePairs<S> {
         [self.firsts.of(firsts.bitcast()).bitcast(), self.seconds.of(seconds.bitcast()).bitcast()]
     }
 
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     fn row_of_first(&self, simd: S, row: &Row) -> f32x8<S> {
         self.firsts.of(f32x8::from_slice(simd, row))
     }
 
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     fn row_of_second(&self, simd: S, row: &Row) -> f32x8<S> {
         self.seconds.of(f32x8::from_slice(simd, row))
     }
 
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     fn of_first(&self, simd: S, [x, y, z]: &[Row; 3]) -> [f32x8<S>; 3] {
         [self.row_of_first(simd, x), self.row_of_first(simd, y), self.row_of_first(simd, z)]
     }
 
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     fn of_second(&self, simd: S, [x, y, z]: &[Row; 3]) -> [f32x8<S>; 3] {
         [self.row_of_second(simd, x), self.row_of_second(simd, y), self.row_of_second(simd, z)]
     }

@@ -3,9 +3,7 @@
 //! Used by the broad phase. First it finds the boxes of a tree that reach the other surface. Then it turns the
 //! positions of their triangles into positions and boxes in the other frame.
 
-#![expect(clippy::inline_always, reason = "only inlined code is compiled for the dispatched instruction set")]
-
-use fearless_simd::{Level, dispatch, f32x8, f64x8, prelude::*};
+use fearless_simd::{f32x8, f64x8, prelude::*};
 use glam::{DMat3, DVec3, Vec3};
 
 use crate::kernel::{
@@ -40,7 +38,7 @@ impl Reach {
 
     /// One bit for each of eight boxes that reaches the target. Conservative: no box that reaches the target is left
     /// out, and NaN counts as reaching.
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     pub(in crate::kernel) fn reached_by<S: Simd>(&self, simd: S, min: VectorLanes<S>, max: VectorLanes<S>) -> u32 {
         let (low, high, half) = (min.widened(), max.widened(), f64x8::splat(simd, 0.5));
         let center = low.plus(high).scaled(half).turned(simd, &self.linear);
@@ -78,7 +76,7 @@ impl MovingMesh<'_> {
     /// If a triangle or vertex does not exist, or `moved` has no entry for it.
     pub fn move_triangles(&self, named: &[u32], moved: &mut [Vec3], bounds: &mut Vec<(u32, Aabb)>) -> f32 {
         let mut largest = 0.0;
-        dispatch!(Level::new(), simd => {
+        dispatch!(simd => {
             for named in named.chunks(WIDTH) {
                 largest = f32::max(largest, self.move_eight(simd, named, moved, bounds));
             }
@@ -86,7 +84,7 @@ impl MovingMesh<'_> {
         largest
     }
 
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     fn move_eight<S: Simd>(&self, simd: S, named: &[u32], moved: &mut [Vec3], bounds: &mut Vec<(u32, Aabb)>) -> f32 {
         let Self { pose, positions, triangles, growth } = *self;
         // The first triangle fills unused lanes.
@@ -119,7 +117,7 @@ impl MovingMesh<'_> {
 }
 
 impl<S: Simd> VectorLanes<S> {
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     fn largest_coordinate(self) -> f32x8<S> {
         let sizes = self.abs();
         sizes.x.max(sizes.y).max(sizes.z)

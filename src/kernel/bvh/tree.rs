@@ -6,13 +6,11 @@
 //! the surfaces of a world. A traversal visits the leaves of one tree independently of each other, so it can be split
 //! anywhere. Submodules build and refit the tree.
 
-#![expect(clippy::inline_always, reason = "only inlined code is compiled for the dispatched instruction set")]
-
 mod bounded;
 mod pairs;
 
 use arrayvec::ArrayVec;
-use fearless_simd::{Level, dispatch, f32x8, prelude::*};
+use fearless_simd::{f32x8, prelude::*};
 use glam::Vec3;
 
 use self::{build::Arrangement, search::LeafSearch};
@@ -55,7 +53,7 @@ struct Boxes {
 impl Boxes {
     const UNUSED: Self = Self { min: [[f32::NAN; LEAF_WIDTH]; 3], max: [[f32::NAN; LEAF_WIDTH]; 3] };
 
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     fn get(&self, lane: usize) -> Aabb {
         let (min, max) = (&self.min, &self.max);
         Aabb {
@@ -65,7 +63,7 @@ impl Boxes {
     }
 
     /// One bit for each box that overlaps `bounds`.
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     fn overlapping<S: Simd>(&self, simd: S, bounds: &Aabb) -> u32 {
         overlapping(corners(simd, &self.min, 0), corners(simd, &self.max, 0), bounds)
     }
@@ -73,14 +71,14 @@ impl Boxes {
 
 impl Boxes {
     /// One bit for each box that reaches the target of `reach` in the target's frame.
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     fn reaching<S: Simd>(&self, simd: S, reach: &Reach) -> u32 {
         reach.reached_by(simd, corners(simd, &self.min, 0), corners(simd, &self.max, 0))
     }
 }
 
 /// One bit for each of eight boxes that overlaps `bounds`.
-#[inline(always)]
+#[cfg_attr(not(unoptimized), inline(always))]
 fn overlapping<S: Simd>(min: VectorLanes<S>, max: VectorLanes<S>, bounds: &Aabb) -> u32 {
     let begin = min.x.simd_le(bounds.max.x) & min.y.simd_le(bounds.max.y) & min.z.simd_le(bounds.max.z);
     let end = max.x.simd_ge(bounds.min.x) & max.y.simd_ge(bounds.min.y) & max.z.simd_ge(bounds.min.z);
@@ -88,7 +86,7 @@ fn overlapping<S: Simd>(min: VectorLanes<S>, max: VectorLanes<S>, bounds: &Aabb)
 }
 
 /// The lower or the upper corners of eight boxes, from index `first` on.
-#[inline(always)]
+#[cfg_attr(not(unoptimized), inline(always))]
 fn corners<S: Simd, const COUNT: usize>(simd: S, [x, y, z]: &[[f32; COUNT]; 3], first: usize) -> VectorLanes<S> {
     let end = first + LEAF_WIDTH;
     VectorLanes {
@@ -203,7 +201,7 @@ impl BoxTree {
 
     /// Appends the leaves whose boxes overlap `bounds`, in tree order.
     pub(in crate::kernel) fn leaves_within(&self, bounds: &Aabb, leaves: &mut Vec<u32>) {
-        dispatch!(Level::new(), simd => {
+        dispatch!(simd => {
             let mut search = LeafSearch::new();
             search.begin(self);
             while search.go_on(simd, self, bounds, 0) {
@@ -214,7 +212,7 @@ impl BoxTree {
 
     /// Calls `visit` with every item whose box overlaps `bounds`, in tree order.
     pub fn query(&self, bounds: &Aabb, mut visit: impl FnMut(u32)) {
-        dispatch!(Level::new(), simd => {
+        dispatch!(simd => {
             let mut search = LeafSearch::new();
             search.begin(self);
             while search.go_on(simd, self, bounds, 0) {
@@ -235,7 +233,7 @@ impl BoxTree {
         stack.extend((!self.nodes.is_empty()).then_some(0));
         while let Some(place) = stack.pop() {
             let node = &self.nodes[place as usize];
-            let reached = dispatch!(Level::new(), simd => node.boxes.reaching(simd, reach));
+            let reached = dispatch!(simd => node.boxes.reaching(simd, reach));
             for lane in SetLanes(reached & ((1 << node.child_count) - 1)) {
                 if node.leaf_children & (1 << lane) == 0 {
                     stack.push(node.children[lane]);

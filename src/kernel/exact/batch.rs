@@ -3,9 +3,7 @@
 //! Features that the screen has confirmed need no second test. Their weights, points, and directions are computed by
 //! the operations of `triangle_pair`. Features that are too close for a direction are left to that module.
 
-#![expect(clippy::inline_always, reason = "only inlined code is compiled for the dispatched instruction set")]
-
-use fearless_simd::{Level, dispatch, f64x8, prelude::*};
+use fearless_simd::{f64x8, prelude::*};
 
 use self::{
     kernels::{edges_through_faces, pairs_of_edges, vertices_on_edges, vertices_over_faces},
@@ -80,7 +78,7 @@ impl Batch {
     };
 
     /// Adds a task. Returns whether the batch is full.
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     fn push(&mut self, task: Task, plan: &Plan, rows: [&CornerRow; 2], nothing: f64) -> bool {
         let lane = self.count % WIDTH;
         for (points, &[side, corner]) in self.points.iter_mut().zip(&plan.points) {
@@ -177,7 +175,7 @@ impl<'a> FeatureBatches<'a> {
 
     /// Appends contacts for everything that the `requested` pairs report, pair by pair, and computes each batch that
     /// becomes full.
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     pub(in crate::kernel) fn add(
         &mut self,
         pairs: &[[u32; 2]],
@@ -230,14 +228,13 @@ impl<'a> FeatureBatches<'a> {
         let Self { batches, results, left, limits, sides, recent } = self;
         let batch = &mut batches[kind as usize];
         // Dispatched one by one: together they exceed the stack of a thread in unoptimized builds.
-        let level = Level::new();
         match kind {
-            Kind::VertexFace => dispatch!(level, simd => vertices_over_faces(simd, batch, limits, results)),
-            Kind::EdgeEdge => dispatch!(level, simd => pairs_of_edges(simd, batch, limits, results)),
-            Kind::Piercing => dispatch!(level, simd => edges_through_faces(simd, batch, limits, results)),
-            Kind::VertexEdge => dispatch!(level, simd => vertices_on_edges(simd, batch, limits, results)),
+            Kind::VertexFace => dispatch!(simd => vertices_over_faces(simd, batch, limits, results)),
+            Kind::EdgeEdge => dispatch!(simd => pairs_of_edges(simd, batch, limits, results)),
+            Kind::Piercing => dispatch!(simd => edges_through_faces(simd, batch, limits, results)),
+            Kind::VertexEdge => dispatch!(simd => vertices_on_edges(simd, batch, limits, results)),
         }
-        dispatch!(level, _simd => results.write(batch, *sides, contacts, recent, left));
+        dispatch!(_ => results.write(batch, *sides, contacts, recent, left));
     }
 }
 
@@ -252,7 +249,7 @@ struct Limits<'a> {
 
 impl Results {
     /// Writes the contacts of a batch, and clears it.
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     fn write(
         &self,
         batch: &mut Batch,
@@ -297,7 +294,7 @@ impl Results {
     }
 
     /// Stores separations and distances, and which of them have a reliable direction. Returns the normals.
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     fn set_distance<S: Simd>(
         &mut self,
         simd: S,

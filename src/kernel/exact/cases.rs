@@ -1,7 +1,5 @@
 //! Sets of features of a pair of triangles, as bits.
 
-#![expect(clippy::inline_always, reason = "only inlined code is compiled for the dispatched instruction set")]
-
 use fearless_simd::{mask64x8, prelude::*, u64x8};
 
 use crate::kernel::mesh::feature::{Feature, FeaturePair};
@@ -154,7 +152,7 @@ pub(in crate::kernel) struct CaseLanes<S: Simd>(pub(in crate::kernel) u64x8<S>);
 impl<S: Simd> CaseLanes<S> {
     /// All cases between some of the vertices and edges of both triangles. Bits 0 to 2 are the vertices, 3 to 5 the
     /// edges.
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     pub(in crate::kernel) fn between(parts_of_a: u64x8<S>, parts_of_b: u64x8<S>) -> Self {
         let [vertices_of_a, vertices_of_b] = [parts_of_a & 7, parts_of_b & 7];
         let [edges_of_a, edges_of_b] = [parts_of_a >> 3 & 7, parts_of_b >> 3 & 7];
@@ -166,13 +164,13 @@ impl<S: Simd> CaseLanes<S> {
     }
 
     /// Where an edge may pierce a face.
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     pub(in crate::kernel) fn may_cross(self) -> mask64x8<S> {
         !(self.0 & Cases::PIERCING.bits()).simd_eq(0)
     }
 
     /// The cases inside faces and edges, in the order of [`FeatureSet`].
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     fn in_order(self) -> u64x8<S> {
         let edges = (self.0 & Cases::EDGES.bits()) >> 6;
         let vertices = (self.0 & Cases::VERTICES_OVER_FACES.bits()) << FeatureSet::VERTICES_OVER_FACES as u32;
@@ -191,7 +189,7 @@ impl FeatureSet {
     pub(super) const BOUNDARY: usize = 21;
 
     /// Combines the cases and the [`BoundaryCases`] of eight pairs of triangles.
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     pub(in crate::kernel) fn in_lanes<S: Simd>(cases: CaseLanes<S>, boundary: u64x8<S>) -> u64x8<S> {
         cases.in_order() | boundary << Self::BOUNDARY as u32
     }

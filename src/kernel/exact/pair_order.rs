@@ -6,9 +6,7 @@
 //! determine. Each bucket is collected from all chunks and radix-sorted, both in the nearest caches. The whole list is
 //! thus read twice and written once, in tasks that can be distributed among threads.
 
-#![expect(clippy::inline_always, reason = "only inlined code is compiled for the dispatched instruction set")]
-
-use fearless_simd::{Level, dispatch, prelude::*};
+use fearless_simd::prelude::*;
 
 use crate::kernel::simd::{lanes::WIDTH, parallel::Parallel};
 
@@ -50,7 +48,7 @@ impl Extent {
     const EMPTY: Self = Self { low: [u32::MAX; 2], high: [0; 2], crosses: false };
 
     fn of(pairs: &[[u32; 2]]) -> Self {
-        dispatch!(Level::new(), simd => measure(simd, pairs))
+        dispatch!(simd => measure(simd, pairs))
     }
 
     fn union(&self, other: &Self) -> Self {
@@ -64,7 +62,7 @@ impl Extent {
 }
 
 /// Measures eight pairs at a time.
-#[inline(always)]
+#[cfg_attr(not(unoptimized), inline(always))]
 fn measure<S: Simd>(_: S, pairs: &[[u32; 2]]) -> Extent {
     let (blocks, rest) = pairs.as_chunks::<WIDTH>();
     let (mut low, mut high) = ([[u32::MAX; 2]; WIDTH], [[0; 2]; WIDTH]);

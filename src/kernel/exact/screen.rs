@@ -5,9 +5,7 @@
 //! the same numbers. Only edges that pierce a face are decided by the signs of volumes that are computed differently.
 //! What may have either sign passes, and is left to the exact test.
 
-#![expect(clippy::inline_always, reason = "only inlined code is compiled for the dispatched instruction set")]
-
-use fearless_simd::{Level, dispatch, f64x8, prelude::*};
+use fearless_simd::{f64x8, prelude::*};
 
 use self::{
     features::{certainly_pierce, features, may_pierce},
@@ -149,7 +147,7 @@ impl PairScreen {
         limits: &ScreenLimits,
     ) -> Screened {
         let mut screened = Screened::default();
-        dispatch!(Level::new(), simd => screened = self.screen_in_lanes(simd, sides, poses, limits));
+        dispatch!(simd => screened = self.screen_in_lanes(simd, sides, poses, limits));
         let requested = first_lanes(count) as u32;
         Screened {
             possible: screened.possible & requested,
@@ -201,7 +199,7 @@ impl PairScreen {
         bounds
     }
 
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     fn screen_in_lanes<S: Simd>(
         &mut self,
         simd: S,

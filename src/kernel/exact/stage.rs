@@ -7,10 +7,8 @@
 //! requested, every pair reports its own. Boundary features are not reported again if another pair has just reported
 //! them.
 
-#![expect(clippy::inline_always, reason = "only inlined code is compiled for the dispatched instruction set")]
-
 use arrayvec::ArrayVec;
-use fearless_simd::{Level, dispatch, prelude::*};
+use fearless_simd::prelude::*;
 use glam::DVec3;
 
 use self::{
@@ -85,7 +83,7 @@ trait Choice {
 struct EachOnce;
 
 impl Choice for EachOnce {
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     fn of_lanes<S: Simd>(&self, simd: S, block: &Block<'_>, cases: CaseLanes<S>, _: CaseLanes<S>) -> ReportedLanes<S> {
         if block.settings.any_left_out {
             return ReportedLanes::all(simd, cases);
@@ -103,7 +101,7 @@ impl Choice for EachOnce {
 struct Closest;
 
 impl Choice for Closest {
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     fn of_lanes<S: Simd>(
         &self,
         simd: S,
@@ -129,10 +127,10 @@ fn examine_pairs(
     choice: &impl Choice,
 ) {
     // Bits are counted and shifted all the time, for which early processors have no instructions.
-    dispatch!(Level::new(), simd => examine_blocks(simd, a, b, candidates, settings, found, choice));
+    dispatch!(simd => examine_blocks(simd, a, b, candidates, settings, found, choice));
 }
 
-#[inline(always)]
+#[cfg_attr(not(unoptimized), inline(always))]
 fn examine_blocks<S: Simd>(
     simd: S,
     a: &SurfaceSide<'_>,
@@ -240,7 +238,7 @@ fn close_gaps(contacts: &mut Vec<CompactContact>, first: usize) {
 
 /// The rows of one side's triangles for up to eight pairs. The last row fills unused lanes. If rows have not been made,
 /// they are written to `made`.
-#[inline(always)]
+#[cfg_attr(not(unoptimized), inline(always))]
 fn rows_of<'a, const SIDE: usize>(
     side: &SurfaceSide<'a>,
     pairs: &[[u32; 2]],

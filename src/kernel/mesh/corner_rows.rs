@@ -3,8 +3,6 @@
 //! A triangle is in about a dozen pairs. Each pair needs its corners, which lie in as many places, and the numbers of
 //! its vertices and edges. Written and read by the exact stage.
 
-#![expect(clippy::inline_always, reason = "only inlined code is compiled for the dispatched instruction set")]
-
 use std::hint::select_unpredictable;
 
 use glam::{DVec3, Vec3};
@@ -32,7 +30,7 @@ impl CornerRow {
         Self { corners: [[0.0; 3]; 3], parts: [0; 6], surroundings: Surroundings::NONE };
 
     /// Builds the row of a triangle of a surface whose vertices are at `positions` in its own frame.
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     pub(in crate::kernel) fn new(topology: &SurfaceTopology, positions: &[Vec3], triangle: u32) -> Self {
         let vertices = topology.triangles()[triangle as usize];
         let ([a, b, c], [d, e, f]) = (vertices, topology.triangle_edges()[triangle as usize]);
@@ -44,20 +42,20 @@ impl CornerRow {
     }
 
     /// A corner in the surface's own frame.
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     pub(in crate::kernel) fn own_corner(&self, corner: usize) -> Vec3 {
         Vec3::from_array(self.corners[corner])
     }
 
     /// A corner in the surface's own frame, in f64.
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     pub(in crate::kernel) fn corner(&self, corner: usize) -> DVec3 {
         self.own_corner(corner).as_dvec3()
     }
 
     /// The corners of the first triangle around a feature. The feature is given by its local index, see
     /// [`Feature::of_part`](super::feature::Feature::of_part). Only for surfaces without welded vertices.
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     pub(in crate::kernel) fn first_around(&self, topology: &SurfaceTopology, part: usize) -> [u32; 3] {
         // Looks up both a vertex and an edge: a branch on which of them it is would be unpredictable.
         let [a, b, c, ..] = self.parts;
@@ -74,7 +72,7 @@ impl CornerRow {
 
     /// The number of a feature if no vertices are welded, see
     /// [`feature_number`](crate::kernel::contact::feature_number).
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     pub(in crate::kernel) fn number(&self, triangle: u32, part: usize) -> u32 {
         select_unpredictable(part < 6, self.parts[part.min(5)], triangle)
     }
@@ -100,14 +98,14 @@ impl CornerRows {
         }
     }
 
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     pub(in crate::kernel) fn of(&self, triangle: u32) -> &CornerRow {
         &self.rows[triangle as usize]
     }
 }
 
 impl Prefetch for CornerRows {
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     fn prefetch(&self, triangle: u32) {
         prefetch(&self.rows, triangle);
     }

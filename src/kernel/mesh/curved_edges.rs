@@ -11,8 +11,6 @@
 //! creases. Edges are chords where no smooth body can be told: at more than two triangles, beside triangles without
 //! area, and where normals disagree with the faces by more than the crease angle.
 
-#![expect(clippy::inline_always, reason = "only inlined code is compiled for the dispatched instruction set")]
-
 use glam::{Vec3, Vec3A};
 
 pub use self::unevenness::MOST_UNEVEN;
@@ -57,7 +55,7 @@ pub(in crate::kernel) struct OffsetRow([[f32; 4]; 3]);
 
 impl OffsetRow {
     /// The offset of an edge, and a number without meaning.
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     pub(in crate::kernel) fn offset(&self, edge: usize) -> &[f32; 4] {
         &self.0[edge]
     }
@@ -246,7 +244,7 @@ impl CurvedEdges {
     }
 
     /// The offsets of the edges of a triangle. Those of a flat one if they have not been wanted.
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     pub(in crate::kernel) fn row(&self, triangle: u32) -> &OffsetRow {
         static FLAT: OffsetRow = OffsetRow([[0.0; 4]; 3]);
         if self.knows(triangle) { &self.rows[triangle as usize] } else { &FLAT }
@@ -295,7 +293,7 @@ fn height_bound(u: Vec3A, v: Vec3A, w: Vec3A) -> f32 {
 }
 
 impl Prefetch for CurvedEdges {
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     fn prefetch(&self, triangle: u32) {
         prefetch(&self.rows, triangle);
     }

@@ -6,8 +6,6 @@
 //! Creases stay sharp. The two sides are weighted by their radii of curvature, like the line through the centers of two
 //! spheres. Runs last and only on request, on the places of contacts and the positions around them.
 
-#![expect(clippy::inline_always, reason = "only inlined code is compiled for the dispatched instruction set")]
-
 use fearless_simd::{f32x8, prelude::*};
 use glam::{DQuat, DVec3, Vec3};
 
@@ -48,7 +46,7 @@ impl CreaseAngle {
     }
 
     /// Like [`softness`](Self::softness) for eight pairs of faces, by the vector between their unit normals.
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     pub(super) fn softness_in_lanes<S: Simd>(&self, simd: S, between: VectorLanes<S>) -> f32x8<S> {
         let width = (self.to - self.from) as f32;
         let scale = if width > f32::MIN_POSITIVE { width.recip() } else { f32::MAX };

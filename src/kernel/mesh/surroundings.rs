@@ -4,8 +4,6 @@
 //! Found with the topology. From this alone, the exact stage decides which of several triangles reports a shared
 //! feature.
 
-#![expect(clippy::inline_always, reason = "only inlined code is compiled for the dispatched instruction set")]
-
 use fearless_simd::{mask64x8, prelude::*, u8x64, u64x8};
 
 use super::topology::Incidence;
@@ -64,7 +62,7 @@ impl Surroundings {
     }
 
     /// Everything in one number.
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     fn bits(self) -> u64 {
         let [first, second, third] = self.distances;
         u64::from(u32::from_le_bytes([first, second, third, self.first_of]))
@@ -76,7 +74,7 @@ impl Surroundings {
 pub(in crate::kernel) struct SurroundingLanes<S: Simd>(u64x8<S>);
 
 impl<S: Simd> SurroundingLanes<S> {
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     pub(in crate::kernel) fn new(simd: S, all: [Surroundings; WIDTH]) -> Self {
         let mut bits = [0; WIDTH];
         for (bits, surroundings) in bits.iter_mut().zip(all) {
@@ -86,20 +84,20 @@ impl<S: Simd> SurroundingLanes<S> {
     }
 
     /// The features for which each triangle is the first around them, see [`Surroundings`].
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     pub(in crate::kernel) fn first_of(self) -> u64x8<S> {
         self.0 >> 24
     }
 
     /// Where two features of a triangle are the same.
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     pub(in crate::kernel) fn are_collapsed(self) -> mask64x8<S> {
         !(self.first_of() & u64::from(COLLAPSED)).simd_eq(0)
     }
 
     /// Whether the first triangles around the features of one triangle may share a vertex with those around the
     /// features of the other. If false, they certainly do not. If true, the landmarks do not rule it out.
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     pub(in crate::kernel) fn firsts_may_meet(self, other: Self) -> mask64x8<S> {
         let (own, other): (u8x64<S>, u8x64<S>) = (self.0.bitcast(), other.0.bitcast());
         let differences: u64x8<S> = (own - other + FARTHEST).bitcast();

@@ -5,8 +5,6 @@
 //! all vectors from one triangle to the other. The next vector is the shortest one between the current vector and the
 //! difference of the two support points. However a vector was rounded, a gap along it separates the triangles.
 
-#![expect(clippy::inline_always, reason = "only inlined code is compiled for the dispatched instruction set")]
-
 use fearless_simd::{f32x8, prelude::*};
 
 use super::{
@@ -31,7 +29,7 @@ pub(in crate::kernel) struct Approach<'a, S: Simd> {
 
 impl<'a, S: Simd> Approach<'a, S> {
     /// Starts with the vector between the centroids.
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     pub(in crate::kernel) fn new(corners: &'a Corners<S>) -> Self {
         let [[a, b, c], [other_a, other_b, other_c]] = *corners;
         let [x, y, z] = minus(plus(plus(other_a, other_b), other_c), plus(plus(a, b), c));
@@ -40,7 +38,7 @@ impl<'a, S: Simd> Approach<'a, S> {
 
     /// Returns the gap along the current vector, multiplied by the vector's length, and the squared length. Advances to
     /// the next vector.
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     pub(in crate::kernel) fn step(&mut self) -> (f32x8<S>, f32x8<S>) {
         let [x, y, z] = self.way;
         let (from, height) = foremost(&self.corners[0], [x, y, z]);
@@ -53,7 +51,7 @@ impl<'a, S: Simd> Approach<'a, S> {
     }
 
     /// The widest gap along the first [`STEPS`] vectors, or 0 if there is none.
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     pub(in crate::kernel) fn widest_gap(mut self) -> f32x8<S> {
         let mut widest = f32x8::splat(self.way[0].simd, 0.0);
         for _ in 0..STEPS {
@@ -66,20 +64,20 @@ impl<'a, S: Simd> Approach<'a, S> {
 
 /// Divides gaps by the lengths of their directions, which are given squared. Returns 0 where a direction is too short
 /// to be reliable.
-#[inline(always)]
+#[cfg_attr(not(unoptimized), inline(always))]
 pub(in crate::kernel) fn in_units<S: Simd>(gap: f32x8<S>, squared: f32x8<S>) -> f32x8<S> {
     squared.simd_gt(LEAST_SQUARED).select(gap / squared.sqrt(), f32x8::splat(gap.simd, 0.0))
 }
 
 /// Lower bounds of distances, from gaps with a rounding error of at most `rounding`. Not above 0 where there is no gap.
-#[inline(always)]
+#[cfg_attr(not(unoptimized), inline(always))]
 pub(in crate::kernel) fn bounds_by<S: Simd>(gap: f32x8<S>, rounding: f32x8<S>) -> f32x8<S> {
     (gap - rounding) * (1.0 / RANGE_SLACK)
 }
 
 /// The support point of each triangle in a direction, and its height along the direction, multiplied by the direction's
 /// length.
-#[inline(always)]
+#[cfg_attr(not(unoptimized), inline(always))]
 fn foremost<S: Simd>(corners: &[Vectors<S>; 3], direction: Vectors<S>) -> (Vectors<S>, f32x8<S>) {
     let [a, b, c] = *corners;
     let (mut farthest, mut height) = (a, dot(direction, a));

@@ -6,11 +6,6 @@
 //! that write fast prefetch the lines some records ahead. Measured on `cloth_ball_92`: contacts of caps and of balls
 //! take 0.73 of the time without prefetching, the overlap of caps 0.81.
 
-#![expect(
-    clippy::inline_always,
-    reason = "a single instruction inside functions that are compiled for several instruction sets"
-)]
-
 use super::lanes::WIDTH;
 
 /// How many blocks ahead to prefetch. One block takes less time than a cache line from L3, but not much less.
@@ -32,7 +27,7 @@ pub(in crate::kernel) trait Prefetch {
 
 /// Prefetches the data of a later block, for pairs that are processed in blocks of eight. Called at the start of each
 /// block.
-#[inline(always)]
+#[cfg_attr(not(unoptimized), inline(always))]
 pub(in crate::kernel) fn ask_ahead(a: &impl Prefetch, b: &impl Prefetch, pairs: &[[u32; 2]], block: usize) {
     let start = ((block + AHEAD) * WIDTH).min(pairs.len());
     // The last partial block is not worth a loop of its own.
@@ -45,7 +40,7 @@ pub(in crate::kernel) fn ask_ahead(a: &impl Prefetch, b: &impl Prefetch, pairs: 
 }
 
 /// Prefetches the memory to which a later block of pairs will be appended.
-#[inline(always)]
+#[cfg_attr(not(unoptimized), inline(always))]
 pub(in crate::kernel) fn ask_for_room<T>(list: &mut Vec<T>) {
     let room = list.spare_capacity_mut();
     for place in (WRITTEN_AHEAD..WRITTEN_AHEAD + WIDTH as u32).step_by((LINE / size_of::<T>()).max(1)) {
@@ -54,7 +49,7 @@ pub(in crate::kernel) fn ask_for_room<T>(list: &mut Vec<T>) {
 }
 
 /// Prefetches all cache lines of an item, if the platform has an instruction for it.
-#[inline(always)]
+#[cfg_attr(not(unoptimized), inline(always))]
 pub(in crate::kernel) fn prefetch_whole<T>(list: &[T], place: usize) {
     if let Some(item) = list.get(place) {
         for line in 0..size_of::<T>().div_ceil(LINE) {
@@ -65,14 +60,14 @@ pub(in crate::kernel) fn prefetch_whole<T>(list: &[T], place: usize) {
 }
 
 /// Prefetches an item, if the platform has an instruction for it. An index past the end has no effect.
-#[inline(always)]
+#[cfg_attr(not(unoptimized), inline(always))]
 pub(in crate::kernel) fn prefetch<T>(list: &[T], place: u32) {
     prefetch_address(list.as_ptr().wrapping_add(place as usize));
 }
 
 #[cfg(target_arch = "x86_64")]
 #[expect(unsafe_code, reason = "the intrinsic takes a raw pointer")]
-#[inline(always)]
+#[cfg_attr(not(unoptimized), inline(always))]
 fn prefetch_address<T>(address: *const T) {
     use core::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
 
@@ -82,5 +77,5 @@ fn prefetch_address<T>(address: *const T) {
 }
 
 #[cfg(not(target_arch = "x86_64"))]
-#[inline(always)]
+#[cfg_attr(not(unoptimized), inline(always))]
 fn prefetch_address<T>(_: *const T) {}

@@ -6,8 +6,6 @@
 //! are never rejected. Runs before the cap tests, on candidates that no traversal has tested in its leaves; for those
 //! see `leaf_triangles`.
 
-#![expect(clippy::inline_always, reason = "only inlined code is compiled for the dispatched instruction set")]
-
 use fearless_simd::{f32x8, prelude::*};
 
 use super::lanes::{PairLanes, VectorLanes};
@@ -23,7 +21,7 @@ pub(in crate::kernel) const LEAST_SQUARED: f32 = 1.0e-30;
 impl<S: Simd> PairLanes<S> {
     /// By how much the gap along `direction` exceeds the gap that proves a pair separated, multiplied by the
     /// direction's length. Greater than 0 where the pair is separated.
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     pub(in crate::kernel) fn excess_along(&self, direction: VectorLanes<S>, range: f32) -> f32x8<S> {
         let (low_a, high_a) = project(&self.a, direction);
         let (low_b, high_b) = project(&self.b, direction);
@@ -33,19 +31,19 @@ impl<S: Simd> PairLanes<S> {
         squared.simd_gt(LEAST_SQUARED).select(gap - needed, f32x8::splat(gap.simd, f32::NEG_INFINITY))
     }
 
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     pub(in crate::kernel) fn excess_along_normals(&self, range: f32) -> f32x8<S> {
         self.excess_along(normal(&self.a), range).max(self.excess_along(normal(&self.b), range))
     }
 }
 
-#[inline(always)]
+#[cfg_attr(not(unoptimized), inline(always))]
 fn normal<S: Simd>(corners: &[VectorLanes<S>; 3]) -> VectorLanes<S> {
     (corners[1] - corners[0]).cross(corners[2] - corners[0])
 }
 
 /// The interval of a triangle's projections on a direction of any length.
-#[inline(always)]
+#[cfg_attr(not(unoptimized), inline(always))]
 fn project<S: Simd>(corners: &[VectorLanes<S>; 3], direction: VectorLanes<S>) -> (f32x8<S>, f32x8<S>) {
     let (first, second, third) = (direction.dot(corners[0]), direction.dot(corners[1]), direction.dot(corners[2]));
     (first.min(second).min(third), first.max(second).max(third))

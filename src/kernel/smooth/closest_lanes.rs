@@ -1,7 +1,5 @@
 //! The closest points of eight pairs of flat triangles, with their weights.
 
-#![expect(clippy::inline_always, reason = "only inlined code is compiled for the dispatched instruction set")]
-
 use fearless_simd::{f32x8, mask32x8, prelude::*};
 
 use crate::kernel::simd::lanes::VectorLanes;
@@ -17,24 +15,24 @@ const NOTHING: f32 = 1.0e-30;
 pub(in crate::kernel) struct WeightLanes<S: Simd>(pub(in crate::kernel) [f32x8<S>; 2]);
 
 impl<S: Simd> WeightLanes<S> {
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     pub(super) fn splat(simd: S, weight: f32) -> Self {
         Self([f32x8::splat(simd, weight); 2])
     }
 
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     pub(super) fn select(mask: mask32x8<S>, yes: Self, no: Self) -> Self {
         Self([mask.select(yes.0[0], no.0[0]), mask.select(yes.0[1], no.0[1])])
     }
 
     /// The point at a share of the way to another one.
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     pub(super) fn towards(self, other: Self, share: f32x8<S>) -> Self {
         Self([self.0[0] + (other.0[0] - self.0[0]) * share, self.0[1] + (other.0[1] - self.0[1]) * share])
     }
 
     /// At a share of the way along edge `edge`.
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     fn on_edge(simd: S, edge: usize, along: f32x8<S>) -> Self {
         let (zero, rest) = (f32x8::splat(simd, 0.0), f32x8::splat(simd, 1.0) - along);
         Self(match edge {
@@ -44,7 +42,7 @@ impl<S: Simd> WeightLanes<S> {
         })
     }
 
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     fn at_corner(simd: S, corner: usize) -> Self {
         let [second, third] = [f32::from(corner == 1), f32::from(corner == 2)];
         Self([f32x8::splat(simd, second), f32x8::splat(simd, third)])
@@ -58,7 +56,7 @@ pub(in crate::kernel) struct ClosestLanes<S: Simd> {
 }
 
 impl<S: Simd> ClosestLanes<S> {
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     fn offer(&mut self, is_allowed: mask32x8<S>, squared: f32x8<S>, weights: [WeightLanes<S>; 2]) {
         let is_closer = squared.simd_lt(self.squared) & is_allowed;
         self.squared = is_closer.select(squared, self.squared);
@@ -68,7 +66,7 @@ impl<S: Simd> ClosestLanes<S> {
     }
 
     /// Finds the closest points of two triangles each. Where they cross, a point that both share.
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     pub(in crate::kernel) fn of(simd: S, a: &[VectorLanes<S>; 3], b: &[VectorLanes<S>; 3]) -> Self {
         let all = f32x8::splat(simd, 0.0).simd_eq(0.0);
         let mut closest =
@@ -110,7 +108,7 @@ struct EdgeLanes<S: Simd> {
 }
 
 impl<S: Simd> EdgeLanes<S> {
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     fn new(simd: S, start: VectorLanes<S>, end: VectorLanes<S>) -> Self {
         let along = end - start;
         let squared = along.dot(along).max(NOTHING);
@@ -118,19 +116,19 @@ impl<S: Simd> EdgeLanes<S> {
     }
 }
 
-#[inline(always)]
+#[cfg_attr(not(unoptimized), inline(always))]
 fn edges<S: Simd>(simd: S, &[p, q, r]: &[VectorLanes<S>; 3]) -> [EdgeLanes<S>; 3] {
     [EdgeLanes::new(simd, p, q), EdgeLanes::new(simd, q, r), EdgeLanes::new(simd, r, p)]
 }
 
-#[inline(always)]
+#[cfg_attr(not(unoptimized), inline(always))]
 fn clamped<S: Simd>(share: f32x8<S>) -> f32x8<S> {
     share.max(0.0).min(1.0)
 }
 
 /// The squared distance of two segments, and where along each the closest points are (Ericson, "Real-Time Collision
 /// Detection", 5.1.9).
-#[inline(always)]
+#[cfg_attr(not(unoptimized), inline(always))]
 fn of_edges<S: Simd>(simd: S, a: &EdgeLanes<S>, b: &EdgeLanes<S>) -> (f32x8<S>, [f32x8<S>; 2]) {
     let between = a.start - b.start;
     let (own, other, cosine) = (a.along.dot(between), b.along.dot(between), a.along.dot(b.along));
@@ -167,7 +165,7 @@ pub(in crate::kernel) struct FaceLanes<S: Simd> {
 }
 
 impl<S: Simd> FaceLanes<S> {
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     pub(in crate::kernel) fn new(simd: S, &[origin, second, third]: &[VectorLanes<S>; 3]) -> Self {
         let sides = [second - origin, third - origin];
         let products = [sides[0].dot(sides[0]), sides[0].dot(sides[1]), sides[1].dot(sides[1])];
@@ -178,7 +176,7 @@ impl<S: Simd> FaceLanes<S> {
         Self { origin, sides, products, normal, inverse, scale: inverse.sqrt(), has_area }
     }
 
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     pub(in crate::kernel) fn foot(&self, simd: S, point: VectorLanes<S>) -> FootLanes<S> {
         let (zero, one) = (f32x8::splat(simd, 0.0), f32x8::splat(simd, 1.0));
         let between = point - self.origin;
@@ -192,14 +190,14 @@ impl<S: Simd> FaceLanes<S> {
 }
 
 /// Where the corners of one triangle are over another.
-#[inline(always)]
+#[cfg_attr(not(unoptimized), inline(always))]
 fn faces<S: Simd>(simd: S, &[p, q, r]: &[VectorLanes<S>; 3], face: &[VectorLanes<S>; 3]) -> [FootLanes<S>; 3] {
     let face = FaceLanes::new(simd, face);
     [face.foot(simd, p), face.foot(simd, q), face.foot(simd, r)]
 }
 
 /// Whether an edge pierces a face between two of its ends' feet, how far along, and where.
-#[inline(always)]
+#[cfg_attr(not(unoptimized), inline(always))]
 fn piercing<S: Simd>(simd: S, start: &FootLanes<S>, end: &FootLanes<S>) -> (mask32x8<S>, f32x8<S>, WeightLanes<S>) {
     let (zero, one) = (f32x8::splat(simd, 0.0), f32x8::splat(simd, 1.0));
     let crosses = (start.height * end.height).simd_lt(zero);

@@ -4,8 +4,6 @@
 //! Of the two features, at most two parameters vary: those of both edges, of the edge, or of the face. Newton steps
 //! minimize the squared distance over these.
 
-#![expect(clippy::inline_always, reason = "only inlined code is compiled for the dispatched instruction set")]
-
 use fearless_simd::{f32x8, mask32x8, prelude::*};
 use glam::Vec3;
 
@@ -35,7 +33,7 @@ struct Way<S: Simd> {
 
 impl<S: Simd> Way<S> {
     /// By the parameters of the patch at a point, or none.
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     fn of(simd: S, patch: &PatchLanes<S>, features: &FeatureLanes<S>, weights: &WeightLanes<S>) -> Self {
         let none = VectorLanes::splat(simd, Vec3::ZERO);
         let [u, v] = patch.tangents(simd, weights);
@@ -55,7 +53,7 @@ impl<S: Simd> Way<S> {
 
 /// The weights at which two features each are closest, from given weights. Patches must be near the origin, and of a
 /// size of about 1.
-#[inline(always)]
+#[cfg_attr(not(unoptimized), inline(always))]
 pub(super) fn closest_of_features<S: Simd>(
     simd: S,
     [a, b]: [&PatchLanes<S>; 2],
@@ -100,7 +98,7 @@ pub(super) fn closest_of_features<S: Simd>(
 }
 
 /// Weights moved along a feature, and back into it.
-#[inline(always)]
+#[cfg_attr(not(unoptimized), inline(always))]
 fn moved<S: Simd>(
     simd: S,
     weights: &WeightLanes<S>,

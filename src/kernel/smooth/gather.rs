@@ -1,7 +1,5 @@
 //! Gathers the patches of eight triangles.
 
-#![expect(clippy::inline_always, reason = "only inlined code is compiled for the dispatched instruction set")]
-
 use fearless_simd::{f32x4, f32x8, f64x8, prelude::*};
 use glam::Vec3;
 
@@ -20,19 +18,19 @@ pub(super) struct GatheredPatches<S: Simd> {
 
 impl<S: Simd> GatheredPatches<S> {
     /// Gathers patches. Each begins with its corner `turns`, and its other corners and edges follow in their order.
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     pub(super) fn new(simd: S, side: &SurfaceSide<'_>, triangles: &[u32; WIDTH], turns: [u8; WIDTH]) -> Self {
         Self { corners: corners(simd, side, triangles, turns), offsets: offsets(simd, side, triangles, turns) }
     }
 
     /// Relative to an origin, in f32.
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     pub(super) fn relative(&self, origin: DoubleVectorLanes<S>) -> PatchLanes<S> {
         PatchLanes { corners: relative(&self.corners, origin), offsets: self.offsets }
     }
 
     /// Points of the patches relative to an origin, in f64.
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     pub(super) fn point(
         &self,
         simd: S,
@@ -52,7 +50,7 @@ impl<S: Simd> GatheredPatches<S> {
     }
 
     /// How far the patches may be from their triangles.
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     pub(super) fn heights(&self) -> f32x8<S> {
         let [first, second, third] = self.offsets;
         first.dot(first).max(second.dot(second)).max(third.dot(third)).sqrt() * MOST_OF_EDGE
@@ -60,7 +58,7 @@ impl<S: Simd> GatheredPatches<S> {
 }
 
 /// Corners relative to an origin, in f32.
-#[inline(always)]
+#[cfg_attr(not(unoptimized), inline(always))]
 pub(in crate::kernel) fn relative<S: Simd>(
     &[p, q, r]: &[DoubleVectorLanes<S>; 3],
     origin: DoubleVectorLanes<S>,
@@ -69,7 +67,7 @@ pub(in crate::kernel) fn relative<S: Simd>(
 }
 
 /// The corners of eight triangles in the frame of a pair.
-#[inline(always)]
+#[cfg_attr(not(unoptimized), inline(always))]
 pub(in crate::kernel) fn corners_of<S: Simd>(
     simd: S,
     side: &SurfaceSide<'_>,
@@ -78,7 +76,7 @@ pub(in crate::kernel) fn corners_of<S: Simd>(
     corners(simd, side, triangles, [0; WIDTH])
 }
 
-#[inline(always)]
+#[cfg_attr(not(unoptimized), inline(always))]
 fn corners<S: Simd>(
     simd: S,
     side: &SurfaceSide<'_>,
@@ -101,7 +99,7 @@ fn corners<S: Simd>(
     ]
 }
 
-#[inline(always)]
+#[cfg_attr(not(unoptimized), inline(always))]
 fn offsets<S: Simd>(
     simd: S,
     side: &SurfaceSide<'_>,

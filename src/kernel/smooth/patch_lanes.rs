@@ -5,8 +5,6 @@
 //! order, and their closest points, which are exact, honor the borders). So the result is the distance of two points of
 //! the patches in any case, and never too small.
 
-#![expect(clippy::inline_always, reason = "only inlined code is compiled for the dispatched instruction set")]
-
 use fearless_simd::{f32x8, mask32x8, prelude::*};
 
 use super::closest_lanes::{ClosestLanes, WeightLanes};
@@ -33,7 +31,7 @@ pub(super) struct PatchLanes<S: Simd> {
 }
 
 impl<S: Simd> PatchLanes<S> {
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     pub(super) fn scaled(&self, scale: f32x8<S>) -> Self {
         let ([p, q, r], [first, second, third]) = (self.corners, self.offsets);
         Self {
@@ -43,7 +41,7 @@ impl<S: Simd> PatchLanes<S> {
     }
 
     /// The largest coordinate.
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     pub(super) fn largest(&self) -> f32x8<S> {
         let [p, q, r] = [self.corners[0].abs(), self.corners[1].abs(), self.corners[2].abs()];
         let largest = p.max(q).max(r);
@@ -51,12 +49,12 @@ impl<S: Simd> PatchLanes<S> {
     }
 
     /// The weight of the first corner.
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     fn first_weight(simd: S, &WeightLanes([b, c]): &WeightLanes<S>) -> f32x8<S> {
         f32x8::splat(simd, 1.0) - b - c
     }
 
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     pub(super) fn point(&self, simd: S, weights: &WeightLanes<S>) -> VectorLanes<S> {
         let (a, [b, c]) = (Self::first_weight(simd, weights), weights.0);
         let ([p, q, r], [first, second, third]) = (self.corners, self.offsets);
@@ -65,7 +63,7 @@ impl<S: Simd> PatchLanes<S> {
     }
 
     /// The derivatives by the weights of the second and the third corner.
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     pub(super) fn tangents(&self, simd: S, weights: &WeightLanes<S>) -> [VectorLanes<S>; 2] {
         let (a, [b, c]) = (Self::first_weight(simd, weights), weights.0);
         let ([p, q, r], [first, second, third]) = (self.corners, self.offsets);
@@ -76,14 +74,14 @@ impl<S: Simd> PatchLanes<S> {
     }
 
     /// The second derivatives: twice by the weight of the second corner, by both, and twice by that of the third.
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     pub(super) fn second_derivatives(&self, simd: S) -> [VectorLanes<S>; 3] {
         let ([first, second, third], twice) = (self.offsets, f32x8::splat(simd, -2.0));
         [first.scaled(twice), second - first - third, third.scaled(twice)]
     }
 
     /// Whether a vector is nearly normal to the patch at a point.
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     fn is_normal_to(&self, simd: S, weights: &WeightLanes<S>, vector: VectorLanes<S>) -> mask32x8<S> {
         let [u, v] = self.tangents(simd, weights);
         let normal = u.cross(v);
@@ -92,7 +90,7 @@ impl<S: Simd> PatchLanes<S> {
     }
 
     /// Whether a point lies on the border, and the closest point to another one lies beyond it, given the vector there.
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     fn is_held(&self, simd: S, weights: &WeightLanes<S>, vector: VectorLanes<S>) -> mask32x8<S> {
         let [u, v] = self.tangents(simd, weights);
         let (uu, uv, vv) = (u.dot(u), u.dot(v), v.dot(v));
@@ -108,7 +106,7 @@ impl<S: Simd> PatchLanes<S> {
     }
 
     /// The triangle that touches the patch at a point, with the same weights there.
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     fn touching_triangle(&self, simd: S, weights: &WeightLanes<S>) -> [VectorLanes<S>; 3] {
         let [u, v] = self.tangents(simd, weights);
         let first = self.point(simd, weights) - u.scaled(weights.0[0]) - v.scaled(weights.0[1]);
@@ -142,7 +140,7 @@ const AT_BORDER: f32 = 1.0e-3;
 const BEYOND: f32 = 1.0e-2;
 
 /// Finds the closest points of two patches each. The patches must be near the origin.
-#[inline(always)]
+#[cfg_attr(not(unoptimized), inline(always))]
 pub(super) fn closest<S: Simd>(simd: S, a: &PatchLanes<S>, b: &PatchLanes<S>) -> MeetingLanes<S> {
     let one = f32x8::splat(simd, 1.0);
     let size = a.largest().max(b.largest()).max(f32::MIN_POSITIVE);
@@ -189,7 +187,7 @@ pub(super) fn closest<S: Simd>(simd: S, a: &PatchLanes<S>, b: &PatchLanes<S>) ->
 }
 
 /// How many borders of its patch a point lies on: 1 on an edge, 2 at a corner.
-#[inline(always)]
+#[cfg_attr(not(unoptimized), inline(always))]
 fn at_border<S: Simd>(simd: S, weights: &WeightLanes<S>) -> f32x8<S> {
     let (zero, one) = (f32x8::splat(simd, 0.0), f32x8::splat(simd, 1.0));
     let [second, third] = weights.0;

@@ -5,9 +5,7 @@
 //! features, and its points move to where the curved features are closest. Two patches whose closest points lie inside
 //! both have one more contact there.
 
-#![expect(clippy::inline_always, reason = "only inlined code is compiled for the dispatched instruction set")]
-
-use fearless_simd::{Level, dispatch, f32x8, f64x8, mask32x8, prelude::*};
+use fearless_simd::{f32x8, f64x8, mask32x8, prelude::*};
 use glam::{DVec3, Vec3};
 
 use super::{
@@ -45,7 +43,7 @@ const NEAR_BORDER: f64 = 0.05;
 /// Moves contacts to the patches. Those beyond the reported distance become empty. `settings` has the distances that
 /// count for the patches.
 pub fn refine_contacts(sides: [&SurfaceSide<'_>; 2], settings: &PairSettings, contacts: &mut [CompactContact]) {
-    dispatch!(Level::new(), simd => {
+    dispatch!(simd => {
         for block in 0..contacts.len().div_ceil(WIDTH) {
             for ahead in contacts.iter().skip((block + BLOCKS_AHEAD) * WIDTH).take(WIDTH) {
                 sides[0].prefetch(ahead.triangle_a);
@@ -81,7 +79,7 @@ impl Turned {
     }
 }
 
-#[inline(always)]
+#[cfg_attr(not(unoptimized), inline(always))]
 fn refine_eight<S: Simd>(
     simd: S,
     [a, b]: [&SurfaceSide<'_>; 2],
@@ -158,7 +156,7 @@ fn refine_eight<S: Simd>(
     }
 }
 
-#[inline(always)]
+#[cfg_attr(not(unoptimized), inline(always))]
 fn feature_lanes<S: Simd>(simd: S, turned: &[Turned; WIDTH]) -> FeatureLanes<S> {
     let (mut edges, mut faces) = (0_u64, 0_u64);
     for (lane, turned) in turned.iter().enumerate() {
@@ -176,10 +174,10 @@ pub fn refine_touching(
     touching: &mut [TouchingPair],
     contacts: &mut Vec<CompactContact>,
 ) {
-    dispatch!(Level::new(), simd => refine_blocks(simd, sides, settings, touching, contacts));
+    dispatch!(simd => refine_blocks(simd, sides, settings, touching, contacts));
 }
 
-#[inline(always)]
+#[cfg_attr(not(unoptimized), inline(always))]
 fn refine_blocks<S: Simd>(
     simd: S,
     sides: [&SurfaceSide<'_>; 2],
@@ -304,7 +302,7 @@ impl NearPatches<'_> {
 
 /// Finds the closest points of patches that are closest inside both, or between an edge and an inside, and adds a
 /// contact there.
-#[inline(always)]
+#[cfg_attr(not(unoptimized), inline(always))]
 fn add_contacts<S: Simd>(
     sides: [&SurfaceSide<'_>; 2],
     settings: &PairSettings,

@@ -3,8 +3,6 @@
 //! The operations have the same order as those for one pair at a time in `cone`, so both agree to the last bit. Lanes
 //! that leave the reliable range of f32 are flagged and left to that code.
 
-#![expect(clippy::inline_always, reason = "only inlined code is compiled for the dispatched instruction set")]
-
 use fearless_simd::{f32x8, mask32x8, prelude::*};
 
 use super::cone::{BOUNDARY_SLACK, Cap};
@@ -40,13 +38,13 @@ impl<S: Simd> CapLanes<S> {
         }
     }
 
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     pub(in crate::kernel) fn in_plane_center(&self) -> VectorLanes<S> {
         self.center.plus(self.axis.scaled(self.height))
     }
 
     /// [`Cap::facing`]
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     pub(in crate::kernel) fn facing(&self, point: VectorLanes<S>) -> Self {
         let in_plane = self.in_plane_center();
         let toward = (point - in_plane).dot(self.axis).simd_ge(0.0);
@@ -59,7 +57,7 @@ impl<S: Simd> CapLanes<S> {
     }
 
     /// [`spheres_overlap`](crate::kernel::spheres::cone::spheres_overlap)
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     pub(in crate::kernel) fn overlap(&self, other: &Self, reach: f32) -> mask32x8<S> {
         let between = self.center - other.center;
         let sum = self.radius + other.radius + reach;
@@ -69,7 +67,7 @@ impl<S: Simd> CapLanes<S> {
     /// [`cap_contact`](crate::kernel::spheres::cone::cap_contact), the lanes that pass the cone test, and the lanes
     /// that only the other code can decide: the caps are concentric, or the distance of their centers is too large or
     /// too small to be squared.
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     pub(in crate::kernel) fn contact(&self, other: &Self) -> (CapContactLanes<S>, mask32x8<S>, mask32x8<S>) {
         let (a, b) = (self, other);
         let between = b.center - a.center;
@@ -92,7 +90,7 @@ impl<S: Simd> CapLanes<S> {
     }
 
     /// Distance from the center to the triangle's plane, in a direction with a known cosine to the axis.
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     fn height_along(&self, toward: f32x8<S>) -> f32x8<S> {
         let distance = (self.height / toward.max(f32::MIN_POSITIVE)).min(self.radius);
         self.height.simd_gt(0.0).select(distance, f32x8::splat(self.height.simd, 0.0))

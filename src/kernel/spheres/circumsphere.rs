@@ -6,11 +6,9 @@
 //! `cone` and by the sphere overlap stage. The circumcenter is the classical barycenter formula, see [`circumcenter`].
 //! Offset and cone are the source paper's construction, with the height clamped at creases.
 
-#![expect(clippy::inline_always, reason = "only inlined code is compiled for the dispatched instruction set")]
-
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use fearless_simd::{Level, dispatch, f32x8, mask32x8, prelude::*};
+use fearless_simd::{f32x8, mask32x8, prelude::*};
 use glam::Vec3;
 
 use super::{
@@ -181,7 +179,7 @@ pub fn enclosing_balls_on(parallel: &impl Parallel, positions: &[Vec3], triangle
     balls.resize(triangles.len(), Ball { center: Vec3::ZERO, radius: 0.0 });
     let parts = triangles.chunks(PART).zip(balls.chunks_mut(PART));
     parallel.run_tasks(parts, triangles.len() / LEAST_SHARE, |(triangles, balls)| {
-        dispatch!(Level::new(), simd => write_enclosing_balls(simd, positions, triangles, balls));
+        dispatch!(simd => write_enclosing_balls(simd, positions, triangles, balls));
     });
 }
 
@@ -192,7 +190,7 @@ pub fn enlarge_balls(balls: &mut [Ball], heights: &[f32]) {
     }
 }
 
-#[inline(always)]
+#[cfg_attr(not(unoptimized), inline(always))]
 fn write_enclosing_balls<S: Simd>(simd: S, positions: &[Vec3], triangles: &[[u32; 3]], balls: &mut [Ball]) {
     for (triangles, balls) in triangles.chunks(WIDTH).zip(balls.chunks_mut(WIDTH)) {
         let lanes = TriangleLanes::gather(simd, positions, triangles);
@@ -245,7 +243,7 @@ struct SphereLanes<S: Simd> {
 
 impl<S: Simd> SphereLanes<S> {
     /// [`SpherePart::follow`]
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     fn new(recipes: &RecipeLanes<S>, placed: &PlacedLanes<S>, corners: &TriangleLanes<S>) -> Self {
         let axis = placed.frame.normal;
         let height = (recipes.height_ratio * placed.farthest).min(f32::MAX);
@@ -340,7 +338,7 @@ impl OffsetSpheres {
             let ((centers, radii), heights) = spheres;
             let shapes = Shapes { positions, triangles, curvatures, dihedrals };
             let mut part = SpherePart { centers, radii, heights, axes, cosines, recipes, refits };
-            let count = dispatch!(Level::new(), simd => refit_spheres(simd, &mut part, &shapes, all_fresh, settings));
+            let count = dispatch!(simd => refit_spheres(simd, &mut part, &shapes, all_fresh, settings));
             refreshed.fetch_add(count, Ordering::Relaxed);
         });
         refreshed.into_inner()
@@ -403,7 +401,7 @@ impl SpherePart<'_> {
     }
 
     /// Writes the spheres and cones of the triangles from `first` on.
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     fn write<S: Simd>(&mut self, first: usize, lanes: &SphereLanes<S>) {
         let end = (first + WIDTH).min(self.radii.len());
         lanes.center.write(&mut self.centers[first..end]);
@@ -422,7 +420,7 @@ struct Shapes<'a> {
     dihedrals: &'a [[f32; 3]],
 }
 
-#[inline(always)]
+#[cfg_attr(not(unoptimized), inline(always))]
 fn refit_spheres<S: Simd>(
     simd: S,
     spheres: &mut SpherePart<'_>,

@@ -4,11 +4,9 @@
 //! the spheres of `circumsphere`, and the cone stage keeps the pairs that pass. The test alone misses contacts, so only
 //! the `Circumsphere` method rejects pairs by it. The signed gap is the source paper's, in terms of plane heights.
 
-#![expect(clippy::inline_always, reason = "only inlined code is compiled for the dispatched instruction set")]
-
 use core::f32::consts::PI;
 
-use fearless_simd::{Level, dispatch, f32x8, prelude::*};
+use fearless_simd::{f32x8, prelude::*};
 use glam::Vec3;
 
 use super::circumsphere::{OffsetSpheres, length};
@@ -56,12 +54,12 @@ impl SafetyCones {
     pub fn widen_on(&mut self, parallel: &impl Parallel, spreads: &[f32]) {
         let count = self.cosines.len() / LEAST_SHARE;
         parallel.run_tasks(self.cosines.chunks_mut(PART).zip(spreads.chunks(PART)), count, |(cosines, spreads)| {
-            dispatch!(Level::new(), simd => widen(simd, cosines, spreads));
+            dispatch!(simd => widen(simd, cosines, spreads));
         });
     }
 }
 
-#[inline(always)]
+#[cfg_attr(not(unoptimized), inline(always))]
 fn widen<S: Simd>(simd: S, cosines: &mut [f32], spreads: &[f32]) {
     let one = f32x8::splat(simd, 1.0);
     for (cosines, spreads) in cosines.chunks_mut(WIDTH).zip(spreads.chunks(WIDTH)) {

@@ -4,9 +4,7 @@
 //! spheres, so a tick only [finds](FoundSpheres) which pairs are in contact and how far apart they are, in any order.
 //! Points and normals are [written](FoundPairs) from the same pairs, in the order of the contacts, where they are wanted.
 
-#![expect(clippy::inline_always, reason = "only inlined code is compiled for the dispatched instruction set")]
-
-use fearless_simd::{Level, dispatch, f32x8, f64x8, mask32x8, mask64x8, prelude::*};
+use fearless_simd::{f32x8, f64x8, mask32x8, mask64x8, prelude::*};
 use glam::{DVec3, Vec3};
 
 use self::estimate::{Estimate, Limits, estimate};
@@ -124,7 +122,7 @@ impl FoundSpheres {
     }
 
     /// Adds the results of eight pairs, without those that are not `listed`.
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     fn add<S: Simd>(&mut self, simd: S, listed: u64, [touching, reported]: [u32; 2], gaps: f32x8<S>) {
         self.touching += touching.count_ones() as usize;
         self.reported += reported.count_ones() as usize;
@@ -142,7 +140,7 @@ impl ContactSink for FoundSpheres {
         self.distances.reserve(count);
     }
 
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     fn push<S: Simd>(&mut self, simd: S, pairs: &[[u32; 2]], contacts: FaceContacts<S>, settings: &PairSettings) {
         let distances = contacts.distances(simd, pairs.len(), settings);
         self.nearest = self.nearest.min(distances.least);
@@ -152,7 +150,7 @@ impl ContactSink for FoundSpheres {
 }
 
 impl<S: Simd> FaceContacts<S> {
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     fn distances(&self, simd: S, count: usize, settings: &PairSettings) -> Distances<S> {
         let distance = self.distance * settings.scale;
         let meet = self.meet.to_bitmask() & first_lanes(count);
@@ -174,7 +172,7 @@ impl ContactSink for FoundPairs {
     }
 
     /// A pair that is listed twice in a row has one contact.
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     fn push<S: Simd>(&mut self, simd: S, pairs: &[[u32; 2]], contacts: FaceContacts<S>, settings: &PairSettings) {
         let found = self;
         ask_for_room(&mut found.contacts);
@@ -221,7 +219,7 @@ pub fn overlapping_ball_contacts(
     overlapping.reserve(candidates.len());
     found.reserve(candidates.len());
     let limits = Limits::new(settings, a.surface.rounding() + b.surface.rounding());
-    dispatch!(Level::new(), simd => {
+    dispatch!(simd => {
         for (block, pairs) in candidates.chunks(WIDTH).enumerate() {
             ask_ahead(a, b, candidates, block);
             let rows = [a.gather::<0, _>(simd, pairs), b.gather::<1, _>(simd, pairs)];
@@ -261,7 +259,7 @@ pub fn ball_contacts(
     found: &mut FoundPairs,
 ) {
     found.reserve(overlapping.len());
-    dispatch!(Level::new(), simd => {
+    dispatch!(simd => {
         for (block, pairs) in overlapping.chunks(WIDTH).enumerate() {
             ask_ahead(a, b, overlapping, block);
             let rows = [a.gather::<0, _>(simd, pairs), b.gather::<1, _>(simd, pairs)];
@@ -270,7 +268,7 @@ pub fn ball_contacts(
     });
 }
 
-#[inline(always)]
+#[cfg_attr(not(unoptimized), inline(always))]
 fn ball_contacts_in_lanes<S: Simd>(simd: S, rows: &[RowLanes<S>; 2]) -> FaceContacts<S> {
     let triangles = TrianglePairLanes {
         a: CornerLanes::new(rows[0].exact_corners()),
@@ -301,7 +299,7 @@ pub fn cap_contacts(
     found: &mut FoundPairs,
 ) {
     found.reserve(meeting.len());
-    dispatch!(Level::new(), simd => {
+    dispatch!(simd => {
         for (block, pairs) in meeting.chunks(WIDTH).enumerate() {
             ask_ahead(a, b, meeting, block);
             found.push(simd, pairs, cap_contacts_in_lanes(simd, a, b, pairs, settings), settings);
@@ -321,7 +319,7 @@ pub fn meeting_caps(
 ) {
     meeting.reserve(overlapping.len());
     found.reserve(overlapping.len());
-    dispatch!(Level::new(), simd => {
+    dispatch!(simd => {
         for (block, pairs) in overlapping.chunks(WIDTH).enumerate() {
             ask_ahead(a, b, overlapping, block);
             let contacts = cap_contacts_in_lanes(simd, a, b, pairs, settings);
@@ -332,7 +330,7 @@ pub fn meeting_caps(
     });
 }
 
-#[inline(always)]
+#[cfg_attr(not(unoptimized), inline(always))]
 fn cap_contacts_in_lanes<S: Simd>(
     simd: S,
     a: &CapSide<'_>,

@@ -5,11 +5,9 @@
 //! of the deficit over the dual area is the mean curvature at valence three. First geometric stage of the sphere
 //! methods; `circumsphere` reads its results.
 
-#![expect(clippy::inline_always, reason = "only inlined code is compiled for the dispatched instruction set")]
-
 use core::f32::consts::FRAC_PI_2;
 
-use fearless_simd::{Level, dispatch, f32x4, f32x8, mask32x8, prelude::*};
+use fearless_simd::{f32x4, f32x8, mask32x8, prelude::*};
 use glam::Vec3;
 
 use crate::kernel::{
@@ -113,7 +111,7 @@ struct HingeLanes<S: Simd> {
 }
 
 impl<S: Simd> HingeLanes<S> {
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     fn gather(simd: S, hinges: &[Hinge], faces: &[Face], positions: &[Vec3]) -> Self {
         let (mut folds, mut turns, mut branches) = (0, 0, 0);
         let mut places = [[[0; 2]; 2]; WIDTH];
@@ -150,7 +148,7 @@ impl<S: Simd> HingeLanes<S> {
     }
 
     /// The dihedral angle and the curvature across each edge; 0 where either triangle has no area.
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     fn bend(&self) -> [f32x8<S>; 2] {
         let simd = self.doubled_areas[0].simd;
         let (flat, one) = (f32x8::splat(simd, 0.0), f32x8::splat(simd, 1.0));
@@ -185,7 +183,7 @@ struct BendLanes<S: Simd> {
 }
 
 impl<S: Simd> BendLanes<S> {
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     fn gather(simd: S, bends: &[[f32; 2]], edges: &[[u32; 3]]) -> Self {
         if let Some(edges) = edges.first_chunk() {
             return Self::gather_all(simd, bends, edges);
@@ -195,7 +193,7 @@ impl<S: Simd> BendLanes<S> {
         Self::gather_all(simd, bends, &block)
     }
 
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     fn gather_all(simd: S, bends: &[[f32; 2]], edges: &[[u32; 3]; WIDTH]) -> Self {
         let (mut pairs, mut others) = ([f32x4::splat(simd, 0.0); WIDTH], [f32x4::splat(simd, 0.0); WIDTH]);
         for (lane, &[first, second, third]) in edges.iter().enumerate() {
@@ -208,14 +206,14 @@ impl<S: Simd> BendLanes<S> {
     }
 
     /// Whether any of the edges has more than two triangles.
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     fn branch(&self) -> bool {
         let [a, b, c] = self.dihedrals;
         (a.is_nan() | b.is_nan() | c.is_nan()).any_true()
     }
 
     /// [`Bend::dihedral`]
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     fn dihedrals(&self) -> VectorLanes<S> {
         let [x, y, z] = self.dihedrals;
         let (rim, flat) = (Bend::RIM.dihedral, f32x8::splat(x.simd, 0.0));
@@ -227,7 +225,7 @@ impl<S: Simd> BendLanes<S> {
     }
 
     /// The largest [`Bend::turn`].
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     fn spread(&self) -> f32x8<S> {
         let simd = self.dihedrals[0].simd;
         let mut most = f32x8::splat(simd, 0.0);
@@ -239,7 +237,7 @@ impl<S: Simd> BendLanes<S> {
     }
 
     /// The curvature with the largest magnitude.
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     fn curvature(&self) -> f32x8<S> {
         let simd = self.curvatures[0].simd;
         let mut steepest = f32x8::splat(simd, 0.0);
@@ -268,7 +266,7 @@ impl Curvatures {
         faces.resize(topology.triangles().len(), [0.0; 4]);
         let parts = topology.triangles().chunks(PART).zip(faces.chunks_mut(PART));
         parallel.run_tasks(parts, topology.triangles().len() / LEAST_SHARE, |(triangles, faces)| {
-            dispatch!(Level::new(), simd => measure_faces(simd, triangles, positions, faces));
+            dispatch!(simd => measure_faces(simd, triangles, positions, faces));
         });
         bends.resize(topology.edges().len(), [0.0; 2]);
         let parts = topology.hinges().chunks(PART).zip(bends.chunks_mut(PART));
@@ -302,13 +300,13 @@ impl Curvatures {
         let written = curvatures.chunks_mut(PART).zip(dihedrals.chunks_mut(PART)).zip(spreads.chunks_mut(PART));
         parallel.run_tasks(written.enumerate(), count / LEAST_SHARE, |(part, ((curvatures, dihedrals), spreads))| {
             let measured = Measured { curvatures, dihedrals, spreads };
-            dispatch!(Level::new(), simd => self.measure_part(simd, topology, positions, part * PART, measured));
+            dispatch!(simd => self.measure_part(simd, topology, positions, part * PART, measured));
         });
         (self.curvatures, self.dihedrals, self.spreads) = (curvatures, dihedrals, spreads);
     }
 
     /// Measures consecutive triangles, starting with `first`.
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     fn measure_part<S: Simd>(
         &self,
         simd: S,
@@ -416,7 +414,7 @@ impl Curvatures {
     }
 }
 
-#[inline(always)]
+#[cfg_attr(not(unoptimized), inline(always))]
 fn measure_faces<S: Simd>(simd: S, triangles: &[[u32; 3]], positions: &[Vec3], faces: &mut [Face]) {
     let nothing = VectorLanes::splat(simd, Vec3::ZERO);
     for (triangles, faces) in triangles.chunks(WIDTH).zip(faces.chunks_mut(WIDTH)) {
@@ -436,7 +434,7 @@ fn measure_faces<S: Simd>(simd: S, triangles: &[[u32; 3]], positions: &[Vec3], f
 }
 
 fn measure_bends(hinges: &[Hinge], faces: &[Face], positions: &[Vec3], bends: &mut [[f32; 2]]) {
-    dispatch!(Level::new(), simd => {
+    dispatch!(simd => {
         for (hinges, bends) in hinges.chunks(WIDTH).zip(bends.chunks_mut(WIDTH)) {
             let [dihedrals, curvatures] = HingeLanes::gather(simd, hinges, faces, positions).bend();
             let (low, high) = dihedrals.interleave(curvatures);

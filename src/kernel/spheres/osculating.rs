@@ -12,9 +12,7 @@
 //!   from the first surface to the second. It meets the first sphere over `x_a + (κ_b (x_b − x_a) − c_b n_b) / |e|`,
 //!   projected into the plane of the triangle, and the second over `x_b − (κ_a (x_b − x_a) + c_a n_a) / |e|`.
 
-#![expect(clippy::inline_always, reason = "only inlined code is compiled for the dispatched instruction set")]
-
-use fearless_simd::{Level, dispatch, f32x8, mask32x8, prelude::*};
+use fearless_simd::{f32x8, mask32x8, prelude::*};
 use glam::Vec3;
 
 use super::{
@@ -51,7 +49,7 @@ pub(super) struct OsculatingLanes<S: Simd> {
 
 impl<S: Simd> OsculatingLanes<S> {
     /// Spheres with given curvatures. Triangles without area are flat, with a normal of zero.
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     pub(super) fn new(simd: S, corners: &TriangleLanes<S>, curvature: f32x8<S>) -> Self {
         let (zero, one) = (f32x8::splat(simd, 0.0), f32x8::splat(simd, 1.0));
         let (lengths, exact) = corners.edge_lengths();
@@ -70,7 +68,7 @@ impl<S: Simd> OsculatingLanes<S> {
     }
 
     /// The same spheres, seen from the other side where a mask is set.
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     pub(super) fn turned(self, mask: mask32x8<S>) -> Self {
         Self {
             normal: VectorLanes::select(mask, self.normal.negated(), self.normal),
@@ -80,7 +78,7 @@ impl<S: Simd> OsculatingLanes<S> {
     }
 
     /// How far the caps stand over points of the planes at these squared distances from the centers.
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     pub(super) fn height(&self, squared: f32x8<S>) -> f32x8<S> {
         let simd = squared.simd;
         let own = (f32x8::splat(simd, 1.0) - self.curvature * self.curvature * squared).max(0.0).sqrt();
@@ -89,7 +87,7 @@ impl<S: Simd> OsculatingLanes<S> {
 
     /// Where lines from the centers of the spheres to their points pass the planes. Neighbors on one sphere meet there,
     /// and the inverse is the [foot](Self::foot) of a point of the plane.
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     pub(super) fn below(&self, point: VectorLanes<S>) -> VectorLanes<S> {
         let from_center = point - self.center;
         let height = from_center.dot(self.normal);
@@ -98,14 +96,14 @@ impl<S: Simd> OsculatingLanes<S> {
     }
 
     /// The points of the spheres straight over points of the planes.
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     pub(super) fn over(&self, point: VectorLanes<S>) -> VectorLanes<S> {
         let from_center = point - self.center;
         point.plus(self.normal.scaled(self.height(from_center.dot(from_center))))
     }
 
     /// The closest points of the spheres to other points.
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     pub(super) fn foot(&self, point: VectorLanes<S>) -> VectorLanes<S> {
         let from_center = point - self.center;
         let gradient = from_center.scaled(self.curvature).plus(self.normal.scaled(self.cosine));
@@ -120,7 +118,7 @@ impl<S: Simd> OsculatingLanes<S> {
 ///
 /// An edge of length `l` that bends by `c` has the curvature `2 c·n / l²` over a sphere, times the cosine of the angle
 /// at which the sphere meets the plane. The mean over the edges is weighted by `l⁴`.
-#[inline(always)]
+#[cfg_attr(not(unoptimized), inline(always))]
 fn curvatures<S: Simd>(
     simd: S,
     corners: &TriangleLanes<S>,
@@ -157,7 +155,7 @@ impl Curvatures {
         self.curvatures.resize(triangles.len(), 0.0);
         let parts = triangles.chunks(PART).zip(self.curvatures.chunks_mut(PART)).enumerate();
         parallel.run_tasks(parts, triangles.len() / LEAST_SHARE, |(part, (triangles, measured))| {
-            dispatch!(Level::new(), simd => {
+            dispatch!(simd => {
                 for (block, (triangles, measured)) in
                     triangles.chunks(WIDTH).zip(measured.chunks_mut(WIDTH)).enumerate()
                 {
@@ -170,7 +168,7 @@ impl Curvatures {
 }
 
 /// The curvatures of up to eight consecutive triangles.
-#[inline(always)]
+#[cfg_attr(not(unoptimized), inline(always))]
 fn measure_eight<S: Simd>(
     simd: S,
     positions: &[Vec3],
@@ -219,7 +217,7 @@ impl OffsetSpheres {
         parallel.run_tasks(parts, count / LEAST_SHARE, |(((triangles, curvatures), spheres), cones)| {
             let ((centers, radii), heights) = spheres;
             let mut out = Osculated { centers, radii, heights, axes: cones.0, cosines: cones.1 };
-            dispatch!(Level::new(), simd => out.write(simd, positions, triangles, curvatures));
+            dispatch!(simd => out.write(simd, positions, triangles, curvatures));
         });
     }
 }
@@ -234,7 +232,7 @@ struct Osculated<'a> {
 }
 
 impl Osculated<'_> {
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     fn write<S: Simd>(&mut self, simd: S, positions: &[Vec3], triangles: &[[u32; 3]], curvatures: &[f32]) {
         let one = f32x8::splat(simd, 1.0);
         for (block, (triangles, curvatures)) in triangles.chunks(WIDTH).zip(curvatures.chunks(WIDTH)).enumerate() {

@@ -5,9 +5,7 @@
 //! There the closest points of the flat triangles are moved onto the caps, and each in turn to the point of its cap
 //! that is closest to the other one.
 
-#![expect(clippy::inline_always, reason = "only inlined code is compiled for the dispatched instruction set")]
-
-use fearless_simd::{Level, dispatch, f32x8, mask32x8, prelude::*};
+use fearless_simd::{f32x8, mask32x8, prelude::*};
 
 use super::{
     contacts::{ContactSink, FaceContacts},
@@ -50,7 +48,7 @@ pub struct OsculatingSide<'a> {
 }
 
 impl Prefetch for OsculatingSide<'_> {
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     fn prefetch(&self, triangle: u32) {
         prefetch(self.surface.topology.triangles(), triangle);
         prefetch(self.curvatures, triangle);
@@ -69,7 +67,7 @@ pub fn osculating_contacts(
 ) {
     passing.reserve(candidates.len());
     found.reserve(candidates.len());
-    dispatch!(Level::new(), simd => {
+    dispatch!(simd => {
         for (block, pairs) in candidates.chunks(WIDTH).enumerate() {
             ask_ahead(a, b, candidates, block);
             ask_for_room(passing);
@@ -89,14 +87,14 @@ struct CapOfPair<S: Simd> {
 }
 
 impl<S: Simd> CapOfPair<S> {
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     fn point(&self, WeightLanes([second, third]): &WeightLanes<S>) -> VectorLanes<S> {
         let [p, q, r] = self.corners;
         p.plus((q - p).scaled(*second)).plus((r - p).scaled(*third))
     }
 
     /// Whether a point of the sphere lies in the cone of its cap.
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     fn is_below(&self, simd: S, point: VectorLanes<S>) -> mask32x8<S> {
         let WeightLanes([second, third]) = self.face.foot(simd, self.sphere.below(point)).weights;
         let first = f32x8::splat(simd, 1.0) - second - third;
@@ -104,7 +102,7 @@ impl<S: Simd> CapOfPair<S> {
     }
 
     /// The closest point of the cap to another point: its foot on the sphere, or a point over the border.
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     fn closest(&self, simd: S, point: VectorLanes<S>) -> VectorLanes<S> {
         let foot = self.sphere.below(self.sphere.foot(point));
         let over = self.face.foot(simd, foot);
@@ -119,7 +117,7 @@ impl<S: Simd> CapOfPair<S> {
 }
 
 /// The closest point of a segment, and its squared distance.
-#[inline(always)]
+#[cfg_attr(not(unoptimized), inline(always))]
 fn on_segment<S: Simd>(
     start: VectorLanes<S>,
     end: VectorLanes<S>,
@@ -139,7 +137,7 @@ struct Place<S: Simd> {
     gap: f32x8<S>,
 }
 
-#[inline(always)]
+#[cfg_attr(not(unoptimized), inline(always))]
 fn contacts_in_lanes<S: Simd>(
     simd: S,
     a: &OsculatingSide<'_>,
@@ -184,13 +182,13 @@ fn contacts_in_lanes<S: Simd>(
 }
 
 /// The triangles of one side. The last pair fills unused lanes.
-#[inline(always)]
+#[cfg_attr(not(unoptimized), inline(always))]
 fn triangles<const SIDE: usize>(pairs: &[[u32; 2]]) -> [u32; WIDTH] {
     std::array::from_fn(|lane| pairs[lane.min(pairs.len() - 1)][SIDE])
 }
 
 /// The curvatures in the pair's frame.
-#[inline(always)]
+#[cfg_attr(not(unoptimized), inline(always))]
 fn curvatures<S: Simd>(simd: S, side: &OsculatingSide<'_>, triangles: &[u32; WIDTH]) -> f32x8<S> {
     if side.curvatures.is_empty() {
         return f32x8::splat(simd, 0.0);
@@ -199,7 +197,7 @@ fn curvatures<S: Simd>(simd: S, side: &OsculatingSide<'_>, triangles: &[u32; WID
     f32x8::from_slice(simd, &own) * side.surface.moved.map_or(1.0, |moved| (1.0 / moved.pose.scale()) as f32)
 }
 
-#[inline(always)]
+#[cfg_attr(not(unoptimized), inline(always))]
 fn cap<S: Simd>(
     simd: S,
     side: &OsculatingSide<'_>,
@@ -215,7 +213,7 @@ fn cap<S: Simd>(
     CapOfPair { corners, face: FaceLanes::new(simd, &corners), sphere: OsculatingLanes { normal, ..sphere } }
 }
 
-#[inline(always)]
+#[cfg_attr(not(unoptimized), inline(always))]
 fn facing<S: Simd>(simd: S, side: &OsculatingSide<'_>, cap: CapOfPair<S>, towards: VectorLanes<S>) -> CapOfPair<S> {
     if side.surface.one_sided {
         return cap;
@@ -226,7 +224,7 @@ fn facing<S: Simd>(simd: S, side: &OsculatingSide<'_>, cap: CapOfPair<S>, toward
 
 /// The contact along the line between the centers, and where it is one: the line lies in both cones, and the spheres
 /// are closest there.
-#[inline(always)]
+#[cfg_attr(not(unoptimized), inline(always))]
 fn between_centers<S: Simd>(simd: S, a: &CapOfPair<S>, b: &CapOfPair<S>) -> (Place<S>, mask32x8<S>) {
     let (own, other) = (&a.sphere, &b.sphere);
     let between = other.center - own.center;
@@ -251,7 +249,7 @@ fn between_centers<S: Simd>(simd: S, a: &CapOfPair<S>, b: &CapOfPair<S>) -> (Pla
 }
 
 /// The contact near the closest points of the flat triangles.
-#[inline(always)]
+#[cfg_attr(not(unoptimized), inline(always))]
 fn at_rim<S: Simd>(simd: S, a: &CapOfPair<S>, b: &CapOfPair<S>, weights: &[WeightLanes<S>; 2]) -> Place<S> {
     let one = f32x8::splat(simd, 1.0);
     let flat = [a.point(&weights[0]), b.point(&weights[1])];

@@ -4,9 +4,7 @@
 //! computes their contacts. Spheres are stored in the frame of their own surface. If a side is moved, they are
 //! transformed pair by pair.
 
-#![expect(clippy::inline_always, reason = "only inlined code is compiled for the dispatched instruction set")]
-
-use fearless_simd::{Level, dispatch, f32x8, mask32x8, prelude::*, u32x8};
+use fearless_simd::{f32x8, mask32x8, prelude::*, u32x8};
 
 use super::{
     cap_lanes::CapLanes,
@@ -40,7 +38,7 @@ pub struct BallSide<'a> {
 }
 
 impl Prefetch for BallSide<'_> {
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     fn prefetch(&self, triangle: u32) {
         if let Some(rows) = self.rows {
             rows.prefetch(triangle);
@@ -54,12 +52,12 @@ impl BallSide<'_> {
         rows.fill(parallel, self.balls.len(), |triangle| self.row(triangle));
     }
 
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     fn row(&self, triangle: u32) -> TriangleRow {
         TriangleRow::of_ball(own_corners(&self.surface, triangle), &self.balls[triangle as usize])
     }
 
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     pub(in crate::kernel) fn gather<const SIDE: usize, S: Simd>(&self, simd: S, pairs: &[[u32; 2]]) -> RowLanes<S> {
         debug_assert!(
             self.rows.is_some() || self.surface.is_moved_by(self.pose),
@@ -84,7 +82,7 @@ impl BallSide<'_> {
     }
 
     /// One triangle's ball in the pair's frame.
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     #[must_use]
     pub fn ball(&self, triangle: u32) -> Ball {
         let ball = self.balls[triangle as usize];
@@ -114,7 +112,7 @@ pub struct CapSide<'a> {
 }
 
 impl Prefetch for CapSide<'_> {
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     fn prefetch(&self, triangle: u32) {
         if let Some(rows) = self.rows {
             rows.prefetch(triangle);
@@ -128,13 +126,13 @@ impl CapSide<'_> {
         rows.fill(parallel, self.spheres.radii.len(), |triangle| self.row(triangle));
     }
 
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     fn row(&self, triangle: u32) -> (TriangleRow, [f32; 2]) {
         let cap = Cap::of(self.spheres, self.cones, triangle as usize);
         TriangleRow::of_cap(own_corners(&self.surface, triangle), &cap)
     }
 
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     pub(in crate::kernel) fn gather<const SIDE: usize, S: Simd>(&self, simd: S, pairs: &[[u32; 2]]) -> RowLanes<S> {
         debug_assert!(
             self.rows.is_some() || self.surface.is_moved_by(self.pose),
@@ -159,7 +157,7 @@ impl CapSide<'_> {
     }
 
     /// One triangle's sphere and cone in the pair's frame.
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     #[must_use]
     pub fn cap(&self, triangle: u32) -> Cap {
         let cap = Cap::of(self.spheres, self.cones, triangle as usize);
@@ -177,7 +175,7 @@ impl CapSide<'_> {
 }
 
 /// One bit for each pair of balls that are no farther apart than `reach`.
-#[inline(always)]
+#[cfg_attr(not(unoptimized), inline(always))]
 fn reach_each_other<S: Simd>([a, b]: [VectorLanes<S>; 2], [radius_a, radius_b]: [f32x8<S>; 2], reach: f32) -> u64 {
     let between = a - b;
     let sum = radius_a + radius_b + reach;
@@ -185,7 +183,7 @@ fn reach_each_other<S: Simd>([a, b]: [VectorLanes<S>; 2], [radius_a, radius_b]: 
 }
 
 /// One bit for each of eight pairs whose enclosing balls come within range.
-#[inline(always)]
+#[cfg_attr(not(unoptimized), inline(always))]
 pub(in crate::kernel) fn balls_within<S: Simd>(
     rows: &[RowLanes<S>; 2],
     pairs: &[[u32; 2]],
@@ -229,7 +227,7 @@ impl CapTests {
 }
 
 /// The caps of eight pairs of triangles. For a sheet, the caps that face the other triangle.
-#[inline(always)]
+#[cfg_attr(not(unoptimized), inline(always))]
 pub(in crate::kernel) fn facing_caps<S: Simd>(
     a: &CapSide<'_>,
     b: &CapSide<'_>,
@@ -252,10 +250,10 @@ pub(in crate::kernel) fn caps_passing(
     settings: &PairSettings,
     passing: &mut Vec<[u32; 2]>,
 ) {
-    dispatch!(Level::new(), simd => overlap_in_lanes(simd, a, b, pairs, tests, settings, passing));
+    dispatch!(simd => overlap_in_lanes(simd, a, b, pairs, tests, settings, passing));
 }
 
-#[inline(always)]
+#[cfg_attr(not(unoptimized), inline(always))]
 fn overlap_in_lanes<S: Simd>(
     simd: S,
     a: &CapSide<'_>,
@@ -296,7 +294,7 @@ pub(in crate::kernel) struct ListedPairs<S: Simd> {
 }
 
 impl<S: Simd> ListedPairs<S> {
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     pub(in crate::kernel) fn new(simd: S, pairs: &[[u32; 2]]) -> Self {
         let mut block = [[0; 2]; WIDTH];
         if let Some(pairs) = pairs.first_chunk() {
@@ -311,7 +309,7 @@ impl<S: Simd> ListedPairs<S> {
 
     /// Appends the pairs whose bits are set. Which ones those are is unpredictable, so eight are appended, those first,
     /// and the rest is dropped.
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     pub(in crate::kernel) fn append(&self, simd: S, set: u64, list: &mut Vec<[u32; 2]>) {
         let mask = mask32x8::from_bitmask(simd, set);
         let (low, high) = self.firsts.compress(mask).interleave(self.seconds.compress(mask));
@@ -325,7 +323,7 @@ impl<S: Simd> ListedPairs<S> {
 }
 
 /// Appends the first `count` of eight items.
-#[inline(always)]
+#[cfg_attr(not(unoptimized), inline(always))]
 pub(in crate::kernel) fn append_first<T: Copy>(items: &[T; WIDTH], count: usize, list: &mut Vec<T>) {
     let before = list.len();
     list.extend_from_slice(items);

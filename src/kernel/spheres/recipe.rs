@@ -4,8 +4,6 @@
 //! Where the sphere is, relative to the longest edge, is only recomputed for a triangle whose shape has changed. See
 //! `circumsphere`, which stores recipes in blocks of eight.
 
-#![expect(clippy::inline_always, reason = "only inlined code is compiled for the dispatched instruction set")]
-
 use fearless_simd::{f32x8, mask32x8, prelude::*};
 use glam::Vec3;
 
@@ -141,7 +139,7 @@ pub(in crate::kernel) struct RecipeLanes<S: Simd> {
 }
 
 impl<S: Simd> RecipeLanes<S> {
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     pub(in crate::kernel) fn load(simd: S, block: &RecipeBlock) -> Self {
         let ([a, b, c], [d, e, f]) = (&block.lengths, &block.dihedrals);
         Self {
@@ -154,7 +152,7 @@ impl<S: Simd> RecipeLanes<S> {
     }
 
     /// Writes all recipes. `made` has a bit for each recipe that was made just now.
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     pub(in crate::kernel) fn store(&self, block: &mut RecipeBlock, made: u64, made_at: u32) {
         block.longest_edge = self.longest_edge.bits();
         self.inward.store_slice(&mut block.inward);
@@ -169,7 +167,7 @@ impl<S: Simd> RecipeLanes<S> {
     }
 
     /// [`Recipe::shape_change`], for lengths that are not 0.
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     pub(in crate::kernel) fn shape_change(&self, shape: &ShapeLanes<S>) -> f32x8<S> {
         let mut change = f32x8::splat(shape.curvatures.simd, 0.0);
         for k in 0..3 {
@@ -180,14 +178,14 @@ impl<S: Simd> RecipeLanes<S> {
     }
 
     /// Places the in-plane centers by the recipes.
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     pub(in crate::kernel) fn place(&self, shape: &ShapeLanes<S>) -> PlacedLanes<S> {
         let frame = shape.frame(self.longest_edge);
         PlacedLanes::new(frame, self.inward, shape)
     }
 
     /// [`Recipe::new`], stored where `stale`. Returns the in-plane centers by recipes that are made now.
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     pub(in crate::kernel) fn refresh(
         &mut self,
         stale: mask32x8<S>,
@@ -233,7 +231,7 @@ pub(in crate::kernel) struct PlacedLanes<S: Simd> {
 }
 
 impl<S: Simd> PlacedLanes<S> {
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     fn new(frame: FrameLanes<S>, inward: f32x8<S>, shape: &ShapeLanes<S>) -> Self {
         let center = frame.point_across(inward);
         let (farthest, exact_farthest) = shape.local.farthest_corner(center);
@@ -242,7 +240,7 @@ impl<S: Simd> PlacedLanes<S> {
 }
 
 /// [`curvature_factor`] for numbers from 0 to 1.
-#[inline(always)]
+#[cfg_attr(not(unoptimized), inline(always))]
 fn curvature_factors<S: Simd>(t: f32x8<S>) -> f32x8<S> {
     let one = f32x8::splat(t.simd, 1.0);
     (one - t * 3.0 * t + t * 2.0 * t * t).max(0.0).min(1.0)
@@ -259,7 +257,7 @@ pub(in crate::kernel) struct ShapeLanes<S: Simd> {
 }
 
 impl<S: Simd> ShapeLanes<S> {
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     pub(in crate::kernel) fn gather(
         simd: S,
         corners: TriangleLanes<S>,
@@ -278,7 +276,7 @@ impl<S: Simd> ShapeLanes<S> {
     }
 
     /// The triangles relative to one edge and the first corner.
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     fn frame(&self, edge: EdgeChoice<S>) -> FrameLanes<S> {
         FrameLanes::new(&self.corners, self.corners.0[0], edge, &self.lengths)
     }

@@ -5,8 +5,6 @@
 //! time. Written by the overlap stage; read by it, by the cone stage, and by the writers of contacts, possibly ticks
 //! later.
 
-#![expect(clippy::inline_always, reason = "only inlined code is compiled for the dispatched instruction set")]
-
 use fearless_simd::{f32x8, prelude::*};
 use glam::{DVec3, Vec3};
 
@@ -52,7 +50,7 @@ pub struct CapRows {
 
 impl BallRows {
     /// Prefetches a row.
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     pub(in crate::kernel) fn prefetch(&self, triangle: u32) {
         prefetch(&self.rows, triangle);
     }
@@ -76,7 +74,7 @@ impl BallRows {
 
 impl CapRows {
     /// Prefetches a row.
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     pub(in crate::kernel) fn prefetch(&self, triangle: u32) {
         prefetch(&self.rows, triangle);
         prefetch(&self.rest, triangle);
@@ -103,7 +101,7 @@ impl CapRows {
 
 impl TriangleRow {
     /// `corners` and `cap` must be in the same frame.
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     pub(in crate::kernel) fn of_cap(corners: [Vec3; 3], cap: &Cap) -> (Self, [f32; 2]) {
         let [a, b, c] = corners;
         let Cap { center, radius, height, axis, cosine } = *cap;
@@ -113,7 +111,7 @@ impl TriangleRow {
     }
 
     /// `corners` and `ball` must be in the same frame.
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     pub(in crate::kernel) fn of_ball(corners: [Vec3; 3], ball: &Ball) -> Self {
         let ([a, b, c], Ball { center: Vec3 { x, y, z }, radius }) = (corners, *ball);
         Self([a.x, a.y, a.z, b.x, b.y, b.z, c.x, c.y, c.z, x, y, z, radius, 0.0, 0.0, 0.0])
@@ -130,13 +128,13 @@ pub(in crate::kernel) struct RowLanes<S: Simd> {
 
 impl<S: Simd> RowLanes<S> {
     /// Gathers the rows of the triangles on one side of the pairs.
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     pub(in crate::kernel) fn gather_balls<const SIDE: usize>(simd: S, rows: &BallRows, pairs: &[[u32; 2]]) -> Self {
         let places = places::<SIDE>(pairs);
         Self::new(simd, |lane| &rows.rows[places[lane] as usize], &[[0.0; WIDTH]; 2])
     }
 
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     pub(in crate::kernel) fn gather_caps<const SIDE: usize>(simd: S, rows: &CapRows, pairs: &[[u32; 2]]) -> Self {
         let places = places::<SIDE>(pairs);
         let mut rest = [[0.0; WIDTH]; 2];
@@ -147,7 +145,7 @@ impl<S: Simd> RowLanes<S> {
     }
 
     /// Takes rows that were made pair by pair.
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     pub(in crate::kernel) fn new<'a>(
         simd: S,
         row: impl Fn(usize) -> &'a TriangleRow,
@@ -167,7 +165,7 @@ impl<S: Simd> RowLanes<S> {
     }
 
     /// Transforms triangles and balls to another frame, if there is a pose.
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     pub(in crate::kernel) fn with_balls_moved(mut self, simd: S, pose: Option<&Pose>) -> Self {
         let Some(to_frame) = pose else { return self };
         let [a, b, c] = self.corners();
@@ -182,7 +180,7 @@ impl<S: Simd> RowLanes<S> {
     }
 
     /// Transforms triangles and caps to another frame, if there is a pose.
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     pub(in crate::kernel) fn with_caps_moved(self, simd: S, pose: Option<&Pose>) -> Self {
         let mut moved = self.with_balls_moved(simd, pose);
         if let Some(pose) = pose {
@@ -194,13 +192,13 @@ impl<S: Simd> RowLanes<S> {
         moved
     }
 
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     fn set_vector(&mut self, place: usize, vector: VectorLanes<S>) {
         (self.row[place], self.row[place + 1], self.row[place + 2]) = (vector.x, vector.y, vector.z);
     }
 
     /// The corners, not rounded even if they have been transformed.
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     pub(in crate::kernel) fn exact_corners(&self) -> [DoubleVectorLanes<S>; 3] {
         if let Some(corners) = self.moved_corners {
             return corners;
@@ -209,27 +207,27 @@ impl<S: Simd> RowLanes<S> {
         [a.widened(), b.widened(), c.widened()]
     }
 
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     fn vector(&self, place: usize) -> VectorLanes<S> {
         VectorLanes { x: self.row[place], y: self.row[place + 1], z: self.row[place + 2] }
     }
 
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     pub(in crate::kernel) fn corners(&self) -> [VectorLanes<S>; 3] {
         [self.vector(0), self.vector(3), self.vector(6)]
     }
 
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     pub(in crate::kernel) fn center(&self) -> VectorLanes<S> {
         self.vector(9)
     }
 
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     pub(in crate::kernel) fn radius(&self) -> f32x8<S> {
         self.row[12]
     }
 
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     pub(in crate::kernel) fn cap(&self) -> CapLanes<S> {
         CapLanes {
             center: self.center(),
@@ -242,13 +240,13 @@ impl<S: Simd> RowLanes<S> {
 }
 
 /// Converts lengths to another frame.
-#[inline(always)]
+#[cfg_attr(not(unoptimized), inline(always))]
 fn scaled<S: Simd>(lengths: f32x8<S>, pose: &Pose) -> f32x8<S> {
     rounded(widened(lengths) * pose.scale())
 }
 
 /// The triangles on one side of eight pairs. The last pair fills unused lanes.
-#[inline(always)]
+#[cfg_attr(not(unoptimized), inline(always))]
 fn places<const SIDE: usize>(pairs: &[[u32; 2]]) -> [u32; WIDTH] {
     let mut places = [0; WIDTH];
     if let Some(pairs) = pairs.first_chunk::<WIDTH>() {
@@ -264,7 +262,7 @@ fn places<const SIDE: usize>(pairs: &[[u32; 2]]) -> [u32; WIDTH] {
 }
 
 /// The corners of a triangle in its surface's own frame.
-#[inline(always)]
+#[cfg_attr(not(unoptimized), inline(always))]
 pub(in crate::kernel) fn own_corners(side: &SurfaceSide<'_>, triangle: u32) -> [Vec3; 3] {
     let (positions, [a, b, c]) = (side.own_positions(), side.topology.triangles()[triangle as usize]);
     [positions[a as usize], positions[b as usize], positions[c as usize]]

@@ -1,7 +1,5 @@
 //! Contacts in a substep: their normals and weights are fixed, and they push, rub, and lose their bounce.
 
-#![expect(clippy::inline_always, reason = "only inlined code is compiled for the dispatched instruction set")]
-
 use fearless_simd::{f32x8, prelude::*};
 use glam::Vec3;
 
@@ -123,12 +121,12 @@ pub(super) struct ActingBlock<const N: usize> {
     step: f32,
 }
 
-#[inline(always)]
+#[cfg_attr(not(unoptimized), inline(always))]
 pub(super) fn zero<S: Simd>(simd: S) -> VectorLanes<S> {
     VectorLanes::splat(simd, Vec3::ZERO)
 }
 
-#[inline(always)]
+#[cfg_attr(not(unoptimized), inline(always))]
 pub(super) fn weighted_sum<const N: usize, S: Simd>(
     simd: S,
     vectors: &[Gathered<S>; N],
@@ -141,7 +139,7 @@ pub(super) fn weighted_sum<const N: usize, S: Simd>(
     sum
 }
 
-#[inline(always)]
+#[cfg_attr(not(unoptimized), inline(always))]
 pub(super) fn gather_all<const N: usize, S: Simd>(
     simd: S,
     table: SharedRows<'_>,
@@ -154,7 +152,7 @@ pub(super) fn gather_all<const N: usize, S: Simd>(
     all
 }
 
-#[inline(always)]
+#[cfg_attr(not(unoptimized), inline(always))]
 pub(super) fn load_all<const N: usize, S: Simd>(simd: S, rows: &[[f32; WIDTH]; N]) -> [f32x8<S>; N] {
     let mut all = [f32x8::splat(simd, 0.0); N];
     for place in 0..N {
@@ -165,7 +163,7 @@ pub(super) fn load_all<const N: usize, S: Simd>(simd: S, rows: &[[f32; WIDTH]; N
 
 impl Common {
     /// The contacts in a substep. `None` if all are too far apart to act, or nothing in them can move.
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     pub(super) fn act<const N: usize, S: Simd>(
         &mut self,
         simd: S,
@@ -226,7 +224,7 @@ impl Common {
 
 impl<const N: usize> ActingBlock<N> {
     /// Pushes by a share of the last substep's push. At rest, all of it will be needed again.
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     pub(super) fn push_again<S: Simd>(&self, simd: S, rows: MovingRows<'_>) {
         let multiplier = f32x8::from_slice(simd, &self.multiplier);
         if !multiplier.simd_gt(0.0).any_true() {
@@ -238,7 +236,7 @@ impl<const N: usize> ActingBlock<N> {
         self.push(rows.displacement, &moved, &weights, push);
     }
 
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     pub(super) fn separate<S: Simd>(&mut self, simd: S, rows: MovingRows<'_>) {
         let zeros = f32x8::splat(simd, 0.0);
         let moved = gather_all(simd, rows.displacement, &self.places);
@@ -257,7 +255,7 @@ impl<const N: usize> ActingBlock<N> {
         self.push(rows.displacement, &moved, &weights, normal.scaled(change));
     }
 
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     pub(super) fn rub<S: Simd>(&mut self, simd: S, rows: MovingRows<'_>) {
         let zeros = f32x8::splat(simd, 0.0);
         let multiplier = f32x8::from_slice(simd, &self.multiplier);
@@ -287,7 +285,7 @@ impl<const N: usize> ActingBlock<N> {
 
     /// Keeps the separation that is left and the push, and removes the separating velocity that a push has added:
     /// contacts do not bounce.
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     pub(super) fn end_step<S: Simd>(&mut self, simd: S, rows: MovingRows<'_>, common: &mut Common) {
         let zeros = f32x8::splat(simd, 0.0);
         let weights = load_all(simd, &self.weights);
@@ -325,7 +323,7 @@ impl<const N: usize> ActingBlock<N> {
     }
 
     /// Adds a vector to all particles, times their weights and inverse masses.
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     fn push<S: Simd>(
         &self,
         table: SharedRows<'_>,

@@ -6,11 +6,9 @@
 //! the static share of the normal multiplier and slides with the dynamic share (Macklin et al. 2014, "Unified Particle
 //! Physics"), without a jump in between.
 
-#![expect(clippy::inline_always, reason = "only inlined code is compiled for the dispatched instruction set")]
-
 use std::ops::Range;
 
-use fearless_simd::{Level, dispatch, f32x8, prelude::*};
+use fearless_simd::{f32x8, prelude::*};
 use glam::DVec3;
 
 use super::{
@@ -181,7 +179,7 @@ impl<B: ContactBlock<N>, const N: usize> ContactBlocks<B, N> {
             blocks.extend(numbers.iter().map(|numbers| B::new(numbers, contacts, start)));
             batches.push(blocks.len());
         }
-        dispatch!(Level::new(), simd => {
+        dispatch!(simd => {
             for block in &mut blocks[before..] {
                 block.begin(simd, rows, share);
             }
@@ -209,7 +207,7 @@ impl<B: ContactBlock<N>, const N: usize> ContactList for ContactBlocks<B, N> {
         let Self { blocks, batches, acting, acting_batches, .. } = self;
         acting.clear();
         acting_batches.clear();
-        dispatch!(Level::new(), simd => {
+        dispatch!(simd => {
             let mut first = 0;
             for &end in &*batches {
                 for source in first..end {
@@ -225,7 +223,7 @@ impl<B: ContactBlock<N>, const N: usize> ContactList for ContactBlocks<B, N> {
 
     fn push_again(&mut self, rows: MovingRows<'_>) {
         let Self { acting, .. } = self;
-        dispatch!(Level::new(), simd => {
+        dispatch!(simd => {
             for block in &*acting {
                 block.push_again(simd, rows);
             }
@@ -234,7 +232,7 @@ impl<B: ContactBlock<N>, const N: usize> ContactList for ContactBlocks<B, N> {
 
     fn separate(&mut self, batch: usize, rows: MovingRows<'_>, is_backward: bool) {
         let acting = self.of_batch(batch);
-        dispatch!(Level::new(), simd => {
+        dispatch!(simd => {
             for place in in_order(acting.len(), is_backward) {
                 acting[place].separate(simd, rows);
             }
@@ -243,7 +241,7 @@ impl<B: ContactBlock<N>, const N: usize> ContactList for ContactBlocks<B, N> {
 
     fn rub(&mut self, batch: usize, rows: MovingRows<'_>, is_backward: bool) {
         let acting = self.of_batch(batch);
-        dispatch!(Level::new(), simd => {
+        dispatch!(simd => {
             for place in in_order(acting.len(), is_backward) {
                 acting[place].rub(simd, rows);
             }
@@ -252,7 +250,7 @@ impl<B: ContactBlock<N>, const N: usize> ContactList for ContactBlocks<B, N> {
 
     fn end_step(&mut self, rows: MovingRows<'_>) {
         let Self { blocks, acting, .. } = self;
-        dispatch!(Level::new(), simd => {
+        dispatch!(simd => {
             for block in acting {
                 block.end_step(simd, rows, blocks[block.source as usize].common());
             }
@@ -293,7 +291,7 @@ impl<const ARE_EDGES: bool, const N: usize> FeatureBlock<ARE_EDGES, N> {
     const FIRST: usize = if N == 3 { 1 } else { 0 };
 
     /// The features at displacements of their particles.
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     fn meet<S: Simd>(&self, simd: S, moved: &[VectorLanes<S>; 4]) -> Meeting<S> {
         let mut positions = [zero(simd); 3];
         let others = Self::KIND.others();
@@ -309,7 +307,7 @@ impl<const ARE_EDGES: bool, const N: usize> FeatureBlock<ARE_EDGES, N> {
     }
 
     /// The separation at the beginning of the tick for the weights and the normal of a meeting.
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     fn offset<S: Simd>(&self, simd: S, meeting: &Meeting<S>) -> f32x8<S> {
         let mut sum = zero(simd);
         let others = Self::KIND.others();
@@ -320,7 +318,7 @@ impl<const ARE_EDGES: bool, const N: usize> FeatureBlock<ARE_EDGES, N> {
     }
 
     /// Those that constraints move.
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     fn free<T: Copy>(all: &[T; 4]) -> [T; N] {
         std::array::from_fn(|place| all[Self::FIRST + place])
     }
@@ -354,7 +352,7 @@ impl<const ARE_EDGES: bool, const N: usize> ContactBlock<N> for FeatureBlock<ARE
         &mut self.common
     }
 
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     fn begin<S: Simd>(&mut self, simd: S, rows: MovingRows<'_>, _: f32) {
         let moved = gather_all(simd, rows.displacement, &self.places);
         let vectors = [moved[0].vector, moved[1].vector, moved[2].vector, moved[3].vector];
@@ -364,7 +362,7 @@ impl<const ARE_EDGES: bool, const N: usize> ContactBlock<N> for FeatureBlock<ARE
         meeting.normal.store(&mut self.common.normal);
     }
 
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     fn begin_step<S: Simd>(
         &mut self,
         simd: S,
@@ -439,7 +437,7 @@ impl<const N: usize> ContactBlock<N> for PlaneBlock<N> {
         &mut self.common
     }
 
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     fn begin<S: Simd>(&mut self, simd: S, rows: MovingRows<'_>, share: f32) {
         let moved = gather_all(simd, rows.displacement, &self.places);
         let way = weighted_sum(simd, &moved, &load_all(simd, &self.weights));
@@ -448,7 +446,7 @@ impl<const N: usize> ContactBlock<N> for PlaneBlock<N> {
         (f32x8::from_slice(simd, &self.offset) + along).store_slice(&mut self.common.left);
     }
 
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     fn begin_step<S: Simd>(
         &mut self,
         simd: S,

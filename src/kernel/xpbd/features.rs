@@ -1,8 +1,6 @@
 //! Closest points of the two features of a contact, and the direction that separates them, given the side on which they
 //! were, for eight contacts.
 
-#![expect(clippy::inline_always, reason = "only inlined code is compiled for the dispatched instruction set")]
-
 use fearless_simd::{f32x8, mask32x8, prelude::*};
 
 use crate::kernel::simd::lanes::VectorLanes;
@@ -51,7 +49,7 @@ pub(super) struct Meeting<S: Simd> {
 /// A vertex and a face, with the positions of the vertex and of the second and third corner relative to the first.
 /// `before` is the direction from the face to the vertex at the last evaluation. A vertex that projects into the
 /// interior of the face from the other side has passed through it.
-#[inline(always)]
+#[cfg_attr(not(unoptimized), inline(always))]
 pub(super) fn vertex_face<S: Simd>(
     simd: S,
     [vertex, second, third]: [VectorLanes<S>; 3],
@@ -110,7 +108,7 @@ pub(super) fn vertex_face<S: Simd>(
 /// Two edges, with the positions of both ends of the first and of the end of the second relative to the start of the
 /// second. `before` is the direction from the second to the first at the last evaluation. Edges whose closest points
 /// lie strictly between their ends, with the direction reversed, have passed each other.
-#[inline(always)]
+#[cfg_attr(not(unoptimized), inline(always))]
 pub(super) fn edge_edge<S: Simd>(
     simd: S,
     [start, end, other]: [VectorLanes<S>; 3],
@@ -137,7 +135,7 @@ pub(super) fn edge_edge<S: Simd>(
 }
 
 /// Where along an edge a point is closest, 0 to 1, given the vector from the edge's start to the point.
-#[inline(always)]
+#[cfg_attr(not(unoptimized), inline(always))]
 fn along<S: Simd>(simd: S, from_start: VectorLanes<S>, edge: VectorLanes<S>) -> f32x8<S> {
     let (zero, one) = (f32x8::splat(simd, 0.0), f32x8::splat(simd, 1.0));
     let squared = edge.dot(edge);
@@ -146,7 +144,7 @@ fn along<S: Simd>(simd: S, from_start: VectorLanes<S>, edge: VectorLanes<S>) -> 
 }
 
 /// `between` points from the second closest point to the first.
-#[inline(always)]
+#[cfg_attr(not(unoptimized), inline(always))]
 fn directed<S: Simd>(
     simd: S,
     between: VectorLanes<S>,
@@ -166,7 +164,6 @@ fn directed<S: Simd>(
 #[cfg(test)]
 mod tests {
     use circumsphere_support::random::Random;
-    use fearless_simd::{Level, dispatch};
     use glam::{DVec3, Vec3};
     use parry3d_f64::{
         math::Pose3,
@@ -179,7 +176,7 @@ mod tests {
 
     /// Weights and normal in the first lane, of features whose particles are at `points`.
     fn meeting_of(kind: FeatureKind, points: &[DVec3; 4], before: DVec3) -> ([f64; 4], DVec3) {
-        dispatch!(Level::new(), simd => {
+        dispatch!(simd => {
             let lanes = kind.others().map(|other| VectorLanes::splat(simd, (points[other] - points[kind.base()]).as_vec3()));
             let before = VectorLanes::splat(simd, before.as_vec3());
             let Meeting { weights, normal } = match kind {

@@ -4,9 +4,7 @@
 //! and has no jump where a hinge is folded flat. Gradients of the angle: Bridson, Marino and Fedkiw 2003, "Simulation
 //! of Clothing with Folds and Wrinkles".
 
-#![expect(clippy::inline_always, reason = "only inlined code is compiled for the dispatched instruction set")]
-
-use fearless_simd::{Level, dispatch, f32x8, mask32x8, prelude::*};
+use fearless_simd::{f32x8, mask32x8, prelude::*};
 use glam::DVec3;
 
 use super::{
@@ -96,7 +94,7 @@ impl Hinges {
     /// substep (`α / h²`).
     pub fn solve(&mut self, rows: MovingRows<'_>, compliance: f32) {
         let blocks = &mut self.blocks;
-        dispatch!(Level::new(), simd => {
+        dispatch!(simd => {
             for block in &mut *blocks {
                 block.solve(simd, rows, compliance);
             }
@@ -115,7 +113,7 @@ struct Bend<S: Simd> {
 }
 
 /// Evaluates hinges from the vectors from the first corner to the others.
-#[inline(always)]
+#[cfg_attr(not(unoptimized), inline(always))]
 fn bend<S: Simd>(simd: S, [edge, left, right]: [VectorLanes<S>; 3]) -> Bend<S> {
     let (zero, one) = (f32x8::splat(simd, 0.0), f32x8::splat(simd, 1.0));
     let (left_end, right_end) = (left - edge, right - edge);
@@ -156,7 +154,7 @@ fn bend<S: Simd>(simd: S, [edge, left, right]: [VectorLanes<S>; 3]) -> Bend<S> {
 }
 
 impl HingeBlock {
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     fn solve<S: Simd>(&mut self, simd: S, rows: MovingRows<'_>, compliance: f32) {
         let zero = f32x8::splat(simd, 0.0);
         let table = rows.displacement;
@@ -215,7 +213,7 @@ mod tests {
 
     /// The value and the gradients of a hinge in the first lane.
     fn in_lanes(points: &[DVec3; 4]) -> (f64, [DVec3; 4]) {
-        dispatch!(Level::new(), simd => {
+        dispatch!(simd => {
             let lanes = |point: DVec3| VectorLanes::splat(simd, (point - points[0]).as_vec3());
             let bend = bend(simd, [lanes(points[1]), lanes(points[2]), lanes(points[3])]);
             assert!(bend.exists.all_true());

@@ -1,7 +1,5 @@
 //! The state of particles, one row of four numbers each, and how eight of them get into lanes and back.
 
-#![expect(clippy::inline_always, reason = "only inlined code is compiled for the dispatched instruction set")]
-
 use std::cell::Cell;
 
 use fearless_simd::{f32x4, f32x8, prelude::*};
@@ -33,7 +31,7 @@ pub(super) type Places = [u32; WIDTH];
 pub(super) const NOBODY: u32 = 0;
 
 /// The row of a particle.
-#[inline(always)]
+#[cfg_attr(not(unoptimized), inline(always))]
 pub(super) const fn row_of(particle: usize) -> u32 {
     particle as u32 + 1
 }
@@ -51,7 +49,7 @@ pub(super) trait Rows {
 }
 
 impl Rows for [Row] {
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     fn row(&self, place: u32) -> Row {
         self[place as usize]
     }
@@ -73,7 +71,7 @@ impl<'a> SharedRows<'a> {
         Self(Cell::from_mut(rows).as_slice_of_cells())
     }
 
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     fn set<S: Simd>(self, place: u32, vector: f32x4<S>) {
         let mut row = Row::default();
         vector.store_slice(&mut row.0);
@@ -82,13 +80,13 @@ impl<'a> SharedRows<'a> {
 }
 
 impl Rows for SharedRows<'_> {
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     fn row(&self, place: u32) -> Row {
         self.0[place as usize].get()
     }
 }
 
-#[inline(always)]
+#[cfg_attr(not(unoptimized), inline(always))]
 pub(super) fn gather<S: Simd>(simd: S, table: &(impl Rows + ?Sized), places: &Places) -> Gathered<S> {
     let mut part = [f32x4::splat(simd, 0.0); WIDTH];
     for lane in 0..WIDTH {
@@ -99,7 +97,7 @@ pub(super) fn gather<S: Simd>(simd: S, table: &(impl Rows + ?Sized), places: &Pl
 }
 
 /// Writes those particles that are free.
-#[inline(always)]
+#[cfg_attr(not(unoptimized), inline(always))]
 pub(super) fn scatter_free<S: Simd>(gathered: Gathered<S>, table: SharedRows<'_>, places: &Places) {
     let VectorLanes { x, y, z } = gathered.vector;
     let part = rows([x, y, z, gathered.inverse_mass]);
@@ -117,7 +115,7 @@ pub(super) fn scatter_free<S: Simd>(gathered: Gathered<S>, table: SharedRows<'_>
     }
 }
 
-#[inline(always)]
+#[cfg_attr(not(unoptimized), inline(always))]
 pub(super) fn scatter<S: Simd>(gathered: Gathered<S>, table: &mut [Row], places: &Places) {
     let VectorLanes { x, y, z } = gathered.vector;
     let part = rows([x, y, z, gathered.inverse_mass]);
@@ -128,7 +126,7 @@ pub(super) fn scatter<S: Simd>(gathered: Gathered<S>, table: &mut [Row], places:
 
 impl<S: Simd> Gathered<S> {
     /// Moves the particles by a vector times their inverse masses.
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     pub(super) fn pushed(self, by: VectorLanes<S>) -> Self {
         Self { vector: self.vector.plus(by.scaled(self.inverse_mass)), ..self }
     }

@@ -1,8 +1,6 @@
 //! Stretch constraints: the distance of two particles.
 
-#![expect(clippy::inline_always, reason = "only inlined code is compiled for the dispatched instruction set")]
-
-use fearless_simd::{Level, dispatch, f32x8, prelude::*};
+use fearless_simd::{f32x8, prelude::*};
 use glam::DVec3;
 
 use super::{
@@ -68,7 +66,7 @@ impl Springs {
     /// at the beginning of the substep is removed at [`RECOVERY`].
     pub fn solve(&mut self, rows: MovingRows<'_>, compliance: f32, step: f32, is_backward: bool) {
         let blocks = &mut self.blocks;
-        dispatch!(Level::new(), simd => {
+        dispatch!(simd => {
             for place in in_order(blocks.len(), is_backward) {
                 blocks[place].solve(simd, rows, compliance, step);
             }
@@ -78,7 +76,7 @@ impl Springs {
     /// Removes a share of the relative velocity along the springs. Momentum is preserved.
     pub fn damp(&self, rows: MovingRows<'_>, share: f32) {
         let blocks = &self.blocks;
-        dispatch!(Level::new(), simd => {
+        dispatch!(simd => {
             for block in blocks {
                 block.damp(simd, rows, share);
             }
@@ -87,7 +85,7 @@ impl Springs {
 }
 
 impl SpringBlock {
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     fn solve<S: Simd>(&mut self, simd: S, rows: MovingRows<'_>, compliance: f32, step: f32) {
         let zero = f32x8::splat(simd, 0.0);
         let MovingRows { displacement, previous, .. } = rows;
@@ -120,7 +118,7 @@ impl SpringBlock {
         scatter_free(b.pushed(push.negated()), displacement, &self.ends[1]);
     }
 
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     fn damp<S: Simd>(&self, simd: S, rows: MovingRows<'_>, share: f32) {
         let zero = f32x8::splat(simd, 0.0);
         let MovingRows { displacement, velocity, .. } = rows;

@@ -1,10 +1,8 @@
 //! Volume constraint of a closed body.
 
-#![expect(clippy::inline_always, reason = "only inlined code is compiled for the dispatched instruction set")]
-
 use std::ops::Range;
 
-use fearless_simd::{Level, dispatch, f32x8, f64x8, prelude::*};
+use fearless_simd::{f32x8, f64x8, prelude::*};
 use glam::{DVec3, Vec3};
 
 use super::{
@@ -112,8 +110,7 @@ impl Volumes {
         gradients.resize(gradients.len().max(own.end), Row::default());
         gradients[own.clone()].fill(Row::default());
         let blocks = &blocks[range.clone()];
-        let six_times =
-            dispatch!(Level::new(), simd => add_gradients(simd, blocks, &particles.displacement, *first, gradients));
+        let six_times = dispatch!(simd => add_gradients(simd, blocks, &particles.displacement, *first, gradients));
         let weights = particles.displacement[own.clone()].iter().zip(&gradients[own.clone()]);
         let weight: f64 =
             weights.map(|(row, gradient)| f64::from(row.0[3]) * gradient.vector().as_dvec3().length_squared()).sum();
@@ -129,7 +126,7 @@ impl Volumes {
 }
 
 /// Adds the gradients of a body's volume with respect to its particles, and returns six times the volume.
-#[inline(always)]
+#[cfg_attr(not(unoptimized), inline(always))]
 fn add_gradients<S: Simd>(
     simd: S,
     blocks: &[TriangleBlock],

@@ -1,7 +1,5 @@
 //! The last test of pairs from any leaves, eight at a time, before they become candidates.
 
-#![expect(clippy::inline_always, reason = "only inlined code is compiled for the dispatched instruction set")]
-
 use fearless_simd::{f32x8, mask32x8, prelude::*, u32x8};
 
 use super::{LEAF_WIDTH, LEAST_SQUARED, Separation};
@@ -28,7 +26,7 @@ pub(in crate::kernel) enum Groups {
 struct Numbers<T>([T; ROOM + LEAF_WIDTH]);
 
 impl Numbers<f32> {
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     fn group<S: Simd>(&self, simd: S, group: usize) -> f32x8<S> {
         f32x8::from_slice(simd, &self.0[group * LEAF_WIDTH..(group + 1) * LEAF_WIDTH])
     }
@@ -60,7 +58,7 @@ impl ClosePairs {
     }
 
     /// Adds the pairs of lanes whose bits are set in `meant`, out of eight. Returns whether the buffer is full.
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     pub(in crate::kernel) fn push<S: Simd>(
         &mut self,
         simd: S,
@@ -88,7 +86,7 @@ impl ClosePairs {
     }
 
     /// Like [`push`](Self::push) if lower bounds of the distances are requested. `bounds` are known already.
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     pub(in crate::kernel) fn push_bounded<S: Simd>(
         &mut self,
         simd: S,
@@ -109,7 +107,7 @@ impl ClosePairs {
     }
 
     /// The number of groups of eight.
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     pub(in crate::kernel) fn count_of(&self, groups: Groups) -> usize {
         match groups {
             Groups::Complete => self.count / LEAF_WIDTH,
@@ -118,7 +116,7 @@ impl ClosePairs {
     }
 
     /// The pairs of a group, and which of them no gap separates along vectors from one triangle to the other.
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     pub(in crate::kernel) fn group<S: Simd>(&self, simd: S, group: usize) -> ([u32x8<S>; 2], u32) {
         let (corners, zero) = (self.corners_of(simd, group), f32x8::splat(simd, 0.0));
         let needed = self.needed.group(simd, group);
@@ -132,7 +130,7 @@ impl ClosePairs {
     }
 
     /// Like [`group`](Self::group), with lower bounds of the distances from the widest gap.
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     pub(in crate::kernel) fn bounded_group<S: Simd>(&self, simd: S, group: usize) -> ([u32x8<S>; 2], f32x8<S>, u32) {
         let widest = Approach::new(&self.corners_of(simd, group)).widest_gap();
         let (needed, bounds) = (self.needed.group(simd, group), self.bounds.group(simd, group));
@@ -142,7 +140,7 @@ impl ClosePairs {
         (self.items_of(simd, group), is_wider.select(by_gaps, bounds), self.requested(group) & !apart)
     }
 
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     fn corners_of<S: Simd>(&self, simd: S, group: usize) -> Corners<S> {
         let mut corners = [[[f32x8::splat(simd, 0.0); 3]; 3]; 2];
         for side in 0..2 {
@@ -155,7 +153,7 @@ impl ClosePairs {
         corners
     }
 
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     fn items_of<S: Simd>(&self, simd: S, group: usize) -> [u32x8<S>; 2] {
         let [firsts, seconds] = &self.items;
         let room = group * LEAF_WIDTH..(group + 1) * LEAF_WIDTH;
@@ -163,13 +161,13 @@ impl ClosePairs {
     }
 
     /// One bit for each pair of a group.
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     fn requested(&self, group: usize) -> u32 {
         first_lanes((self.count - group * LEAF_WIDTH).min(LEAF_WIDTH)) as u32
     }
 
     /// Removes the pairs of these groups.
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     pub(in crate::kernel) fn forget(&mut self, groups: Groups) {
         let first = self.count_of(groups) * LEAF_WIDTH;
         if first >= self.count {

@@ -1,7 +1,5 @@
 //! Permutes the numbers of eight lanes.
 
-#![expect(clippy::inline_always, reason = "only inlined code is compiled for the dispatched instruction set")]
-
 #[cfg(target_arch = "x86_64")]
 use std::arch::x86_64::{__m256, __m256i, _mm256_permutevar8x32_ps};
 
@@ -13,7 +11,7 @@ pub(super) struct LaneNumbers<S: Simd>(pub(super) u32x8<S>);
 
 #[cfg(target_arch = "x86_64")]
 fearless_simd::kernel!(
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     fn permuted(avx2: Avx2, numbers: __m256, lanes: __m256i) -> __m256 {
         _mm256_permutevar8x32_ps(numbers, lanes)
     }
@@ -21,7 +19,7 @@ fearless_simd::kernel!(
 
 impl<S: Simd> LaneNumbers<S> {
     /// The numbers of these lanes.
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     pub(super) fn of(self, numbers: f32x8<S>) -> f32x8<S> {
         let Self(lanes) = self;
         // One instruction. Permuting the bytes of a vector is one instruction on later processors only, and four here.

@@ -11,7 +11,7 @@ use crate::kernel::simd::{
 impl Separation<'_> {
     /// Returns which of the `requested` pairs of lanes, at most eight, no slab separates, and lower bounds of their
     /// distances from the widest slab. A bound is 0 if no slab gives one.
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     pub(in crate::kernel) fn lower_bounds<S: Simd>(
         &self,
         simd: S,

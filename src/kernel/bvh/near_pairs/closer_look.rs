@@ -1,11 +1,9 @@
 //! Raises the bounds of pairs that may have come within range since they were last tested, from the current positions
 //! of their triangles.
 
-#![expect(clippy::inline_always, reason = "only inlined code is compiled for the dispatched instruction set")]
-
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use fearless_simd::{Level, dispatch, f32x8, mask32x8, prelude::*, u32x8};
+use fearless_simd::{f32x8, mask32x8, prelude::*, u32x8};
 use glam::Vec3;
 
 use super::BoundedPairs;
@@ -51,7 +49,7 @@ impl BoundedPairs {
         parallel.run_tasks(names.zip(self.bounds.chunks_mut(PART)), count, |((firsts, seconds), bounds)| {
             let mut part = Part { names: [firsts, seconds], bounds, triangles, motion };
             let mut count = 0;
-            dispatch!(Level::new(), simd => count = part.look_closer(simd, limits));
+            dispatch!(simd => count = part.look_closer(simd, limits));
             looked_at.fetch_add(count, Ordering::Relaxed);
         });
         looked_at.into_inner()
@@ -67,7 +65,7 @@ struct Part<'a> {
 }
 
 impl Part<'_> {
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     fn look_closer<S: Simd>(&mut self, simd: S, limits: [f32; 2]) -> usize {
         let (mut places, mut count, mut looked_at) = ([0; ROOM + WIDTH], 0, 0);
         let lanes = u32x8::from_slice(simd, &[0, 1, 2, 3, 4, 5, 6, 7]);
@@ -91,7 +89,7 @@ impl Part<'_> {
     }
 
     /// One bit for each of the eight pairs from index `first` on that must be tested.
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     fn requested<S: Simd>(&self, simd: S, first: usize, [passed, limit]: [f32; 2]) -> u64 {
         let (bounds, mut last) = (&self.bounds[first..], [f32::NAN; WIDTH]);
         let bounds = bounds.first_chunk().unwrap_or_else(|| {
@@ -102,7 +100,7 @@ impl Part<'_> {
         (bounds.simd_gt(passed) & bounds.simd_le(limit)).to_bitmask()
     }
 
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     fn raise<S: Simd>(&mut self, simd: S, places: &[u32]) {
         for places in places.chunks(WIDTH) {
             let (a, b) = (self.corners::<0, S>(simd, places), self.corners::<1, S>(simd, places));
@@ -117,7 +115,7 @@ impl Part<'_> {
     }
 
     /// The triangles of one side of up to eight pairs.
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     fn corners<const SIDE: usize, S: Simd>(&self, simd: S, places: &[u32]) -> TriangleLanes<S> {
         let ListedTriangles { positions, triangles } = self.triangles;
         let mut vertices = [[0; 3]; WIDTH];
@@ -129,7 +127,7 @@ impl Part<'_> {
 }
 
 /// Lower bounds of the distances of eight pairs. Not above 0, or NaN, where nothing separates a pair.
-#[inline(always)]
+#[cfg_attr(not(unoptimized), inline(always))]
 fn lower_bounds<S: Simd>(pairs: &PairLanes<S>) -> f32x8<S> {
     let PairLanes { a: [a, b, c], b: [d, e, f], extent } = *pairs;
     let corners = [[numbers(a), numbers(b), numbers(c)], [numbers(d), numbers(e), numbers(f)]];
@@ -140,13 +138,13 @@ fn lower_bounds<S: Simd>(pairs: &PairLanes<S>) -> f32x8<S> {
     bounds_by(widest, extent * ROUNDING)
 }
 
-#[inline(always)]
+#[cfg_attr(not(unoptimized), inline(always))]
 fn gap_along<S: Simd>([corners, others]: &Corners<S>, direction: Vectors<S>) -> f32x8<S> {
     let ((low, high), (other_low, other_high)) = (project(corners, direction), project(others, direction));
     in_units((other_low - high).max(low - other_high), dot(direction, direction))
 }
 
-#[inline(always)]
+#[cfg_attr(not(unoptimized), inline(always))]
 fn numbers<S: Simd>(VectorLanes { x, y, z }: VectorLanes<S>) -> Vectors<S> {
     [x, y, z]
 }

@@ -1,10 +1,8 @@
 //! Traversal for the list of near pairs: pairs within a larger distance, each with a lower bound of its distance.
 
-#![expect(clippy::inline_always, reason = "only inlined code is compiled for the dispatched instruction set")]
-
 use std::ops::Range;
 
-use fearless_simd::{Level, dispatch, f32x8, mask32x8, prelude::*, u32x8};
+use fearless_simd::{f32x8, mask32x8, prelude::*, u32x8};
 
 use super::{Aabb, BoxTree, Boxes, LEAF_WIDTH, SetLanes, pairs::LaneHits, search::NearbyLeaves};
 use crate::kernel::bvh::{
@@ -25,7 +23,7 @@ impl BoxTree {
         cull: &PairCull<'_>,
         pairs: &mut BoundedPairs,
     ) -> usize {
-        dispatch!(Level::new(), simd => self.bounded_in_lanes::<true, _>(simd, leaves, self, [range, skin], cull, pairs))
+        dispatch!(simd => self.bounded_in_lanes::<true, _>(simd, leaves, self, [range, skin], cull, pairs))
     }
 
     /// Like [`bounded_self_pairs_of`](Self::bounded_self_pairs_of), for the items in `leaves` of this tree and all
@@ -39,10 +37,10 @@ impl BoxTree {
         cull: &PairCull<'_>,
         pairs: &mut BoundedPairs,
     ) -> usize {
-        dispatch!(Level::new(), simd => self.bounded_in_lanes::<false, _>(simd, leaves, other, [range, skin], cull, pairs))
+        dispatch!(simd => self.bounded_in_lanes::<false, _>(simd, leaves, other, [range, skin], cull, pairs))
     }
 
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     fn bounded_in_lanes<const SELF: bool, S: Simd>(
         &self,
         simd: S,
@@ -113,7 +111,7 @@ impl BoxTree {
 impl Boxes {
     /// The gap between each box and another one along the axis that separates them most. Negative if they overlap, NaN
     /// if there is no box.
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     fn gaps<S: Simd>(&self, simd: S, bounds: &Aabb) -> f32x8<S> {
         let [mut gaps, zero] = [f32x8::splat(simd, f32::NEG_INFINITY), f32x8::splat(simd, 0.0)];
         for axis in 0..3 {
@@ -142,7 +140,7 @@ impl Recent {
         Self { firsts: [0; Self::ROOM], seconds: [0; Self::ROOM], bounds: [0.0; Self::ROOM], count: 0 }
     }
 
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     fn push<S: Simd>(
         &mut self,
         simd: S,
@@ -165,7 +163,7 @@ impl Recent {
     /// Takes the pairs that no gap separates, of complete groups or of all.
     #[inline(never)]
     fn take(&mut self, close: &mut ClosePairs, groups: Groups, pairs: &mut BoundedPairs) {
-        dispatch!(Level::new(), simd => {
+        dispatch!(simd => {
             for group in 0..close.count_of(groups) {
                 let (items, bounds, kept) = close.bounded_group(simd, group);
                 self.push(simd, items, bounds, kept, pairs);

@@ -6,7 +6,6 @@
 
 use std::ops::Range;
 
-use fearless_simd::{Level, dispatch};
 use glam::Vec3;
 
 use super::{Aabb, BoxTree, Boxes, LEAF_WIDTH, Leaf, NO_ITEM, Node};
@@ -178,7 +177,7 @@ impl BoxTree {
         self.nodes.clear();
         self.leaves.clear();
         self.item_count = items.len();
-        dispatch!(Level::new(), simd => {
+        dispatch!(simd => {
             for part in items.chunks(LEAF_WIDTH) {
                 let mut leaf = Leaf::new(part.iter().map(|&(item, _)| item));
                 leaf.set_boxes(simd, part);

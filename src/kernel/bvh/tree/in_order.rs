@@ -1,9 +1,7 @@
 //! Visits items from near to far, for any measure of how far a box is.
 
-#![expect(clippy::inline_always, reason = "only inlined code is compiled for the dispatched instruction set")]
-
 use arrayvec::ArrayVec;
-use fearless_simd::{Level, dispatch, f32x8, prelude::*};
+use fearless_simd::{f32x8, prelude::*};
 
 use super::{BoxTree, Boxes, LEAF_WIDTH, Leaf, STACK, SetLanes};
 
@@ -23,10 +21,10 @@ impl BoxTree {
     /// Calls `visit` with the items whose boxes may be within a range, those in nearer nodes first. `visit` may return a
     /// shorter range for what comes after.
     pub(super) fn visit_in_order(&self, probe: &impl Probe, range: f64, visit: &mut dyn FnMut(u32) -> Option<f64>) {
-        dispatch!(Level::new(), simd => self.visit_in_lanes(simd, probe, range, visit));
+        dispatch!(simd => self.visit_in_lanes(simd, probe, range, visit));
     }
 
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     fn visit_in_lanes<S: Simd>(
         &self,
         simd: S,

@@ -1,7 +1,5 @@
 //! Finds the items whose boxes are within a distance of a point, nearest nodes first.
 
-#![expect(clippy::inline_always, reason = "only inlined code is compiled for the dispatched instruction set")]
-
 use fearless_simd::{f32x8, prelude::*};
 use glam::DVec3;
 
@@ -28,7 +26,7 @@ impl RoundedPoint {
 
 impl Probe for RoundedPoint {
     /// A lower bound of the squared distance of each box, except for the rounding error of the square.
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     fn measure<S: Simd>(&self, simd: S, boxes: &Boxes, end: f32) -> (f32x8<S>, u32) {
         let zero = f32x8::splat(simd, 0.0);
         let mut squared = zero;
@@ -42,7 +40,7 @@ impl Probe for RoundedPoint {
     }
 
     /// The square of a range, rounded up.
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     fn end(&self, range: f64) -> f32 {
         (range * range * SLACK) as f32 + f32::MIN_POSITIVE
     }

@@ -1,10 +1,8 @@
 //! Traversal for pairs of items whose boxes overlap.
 
-#![expect(clippy::inline_always, reason = "only inlined code is compiled for the dispatched instruction set")]
-
 use std::ops::Range;
 
-use fearless_simd::{Level, dispatch, mask32x8, prelude::*, u32x8};
+use fearless_simd::{mask32x8, prelude::*, u32x8};
 
 use super::{BoxTree, LEAF_WIDTH, search::NearbyLeaves};
 use crate::kernel::{
@@ -21,7 +19,7 @@ impl BoxTree {
     /// Like [`self_pairs`](Self::self_pairs), for pairs with one item in `leaves` and the other in the same leaf or a
     /// later one, without the pairs that `cull` drops. Returns the number of pairs before slabs drop any.
     pub fn self_pairs_of(&self, leaves: Range<usize>, cull: Option<&PairCull<'_>>, pairs: &mut Vec<[u32; 2]>) -> usize {
-        dispatch!(Level::new(), simd => self.pairs_in_lanes::<true, _>(simd, leaves, self, cull, pairs))
+        dispatch!(simd => self.pairs_in_lanes::<true, _>(simd, leaves, self, cull, pairs))
     }
 
     /// Appends every pair of an item in `leaves` of this tree and an item of `other` whose boxes overlap, in tree
@@ -33,11 +31,11 @@ impl BoxTree {
         cull: Option<&PairCull<'_>>,
         pairs: &mut Vec<[u32; 2]>,
     ) -> usize {
-        dispatch!(Level::new(), simd => self.pairs_in_lanes::<false, _>(simd, leaves, other, cull, pairs))
+        dispatch!(simd => self.pairs_in_lanes::<false, _>(simd, leaves, other, cull, pairs))
     }
 
     /// For a tree against itself (`SELF`), only later leaves and lanes are tested, and the lower item comes first.
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     fn pairs_in_lanes<const SELF: bool, S: Simd>(
         &self,
         simd: S,
@@ -111,12 +109,12 @@ pub(super) struct LaneHits {
 }
 
 impl LaneHits {
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     pub(super) fn new() -> Self {
         Self { pairs: [[0; LEAF_WIDTH]; LEAF_WIDTH + 1], count: 0 }
     }
 
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     pub(super) fn push<S: Simd>(&mut self, simd: S, lane: usize, lanes: u32) {
         const LANES: [u32; LEAF_WIDTH] = [0, 1, 2, 3, 4, 5, 6, 7];
         let mask = mask32x8::from_bitmask(simd, u64::from(lanes));
@@ -126,7 +124,7 @@ impl LaneHits {
     }
 
     /// Groups of eight pairs, with a bit for each pair that exists.
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     pub(super) fn groups(&self) -> impl Iterator<Item = (&[u32; LEAF_WIDTH], u32)> {
         let groups = self.pairs[..self.count.div_ceil(LEAF_WIDTH)].iter().enumerate();
         groups.map(|(group, pairs)| {
@@ -150,7 +148,7 @@ impl Recent {
         Self { items: [0; 2 * Self::ROOM], count: 0 }
     }
 
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     fn push<S: Simd>(&mut self, simd: S, firsts: u32x8<S>, seconds: u32x8<S>, kept: u32, list: &mut Vec<[u32; 2]>) {
         if self.count > Self::ROOM - LEAF_WIDTH {
             self.flush(list);
@@ -166,7 +164,7 @@ impl Recent {
     /// Takes the pairs that no gap separates, of complete groups or of all.
     #[inline(never)]
     fn take(&mut self, close: &mut ClosePairs, groups: Groups, list: &mut Vec<[u32; 2]>) {
-        dispatch!(Level::new(), simd => {
+        dispatch!(simd => {
             for group in 0..close.count_of(groups) {
                 let ([firsts, seconds], kept) = close.group(simd, group);
                 self.push(simd, firsts, seconds, kept, list);

@@ -4,8 +4,6 @@
 //! coordinates no larger than the tree's, however far away the ray starts. Everything is padded by more than the rounding
 //! error: an item that the ray meets is never lost.
 
-#![expect(clippy::inline_always, reason = "only inlined code is compiled for the dispatched instruction set")]
-
 use fearless_simd::{f32x8, prelude::*};
 use glam::DVec3;
 
@@ -87,7 +85,7 @@ impl ClippedRay {
 
 impl Probe for ClippedRay {
     /// Where the ray enters each of eight boxes.
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     fn measure<S: Simd>(&self, simd: S, boxes: &Boxes, end: f32) -> (f32x8<S>, u32) {
         let (mut near, mut far) = (f32x8::splat(simd, 0.0), f32x8::splat(simd, end));
         for axis in 0..3 {
@@ -101,7 +99,7 @@ impl Probe for ClippedRay {
     }
 
     /// The parameter at a distance in lengths of the direction, rounded up.
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     fn end(&self, range: f64) -> f32 {
         let distance = range.min(self.exit);
         let rounding = DOUBLE_ROUNDING * (distance * self.scale).abs();

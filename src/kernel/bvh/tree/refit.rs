@@ -3,9 +3,7 @@
 //! Everything below a child of the root is contiguous, and is a task of its own. The tasks are the same for any number
 //! of threads, and so is every sum.
 
-#![expect(clippy::inline_always, reason = "only inlined code is compiled for the dispatched instruction set")]
-
-use fearless_simd::{Level, dispatch, f32x4, f32x8, prelude::*};
+use fearless_simd::{f32x4, f32x8, prelude::*};
 use glam::Vec3;
 
 use super::{Aabb, BoxTree, Boxes, LEAF_WIDTH, Leaf, Node};
@@ -41,9 +39,9 @@ impl BoxTree {
         if let Some((root, nodes)) = nodes.split_first_mut() {
             let mut areas = [0.0; LEAF_WIDTH];
             parallel.run_tasks(subtrees(root, nodes, leaves, &mut areas), *item_count / ITEMS_OF_ONE, |subtree| {
-                dispatch!(Level::new(), simd => subtree.refit(simd, bounds));
+                dispatch!(simd => subtree.refit(simd, bounds));
             });
-            dispatch!(Level::new(), simd => root.refit(simd, [1, 0], nodes, leaves));
+            dispatch!(simd => root.refit(simd, [1, 0], nodes, leaves));
             area = areas.iter().sum::<f32>() + root.bounds.half_area();
         }
         let whole = self.bounds().half_area();
@@ -88,7 +86,7 @@ fn subtrees<'a>(
 }
 
 impl Subtree<'_> {
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     fn refit<S: Simd>(self, simd: S, bounds: &[Aabb]) {
         let mut area = 0.0;
         for place in 0..self.leaves.len() {
@@ -117,7 +115,7 @@ static NO_BOX: Aabb = Aabb { min: Vec3::NAN, max: Vec3::NAN };
 
 impl Node {
     /// `nodes` and `leaves` contain the children, and `first` holds the indices of their first elements in the tree.
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     fn refit<S: Simd>(&mut self, simd: S, first: [usize; 2], nodes: &[Node], leaves: &[Leaf]) {
         let mut boxes = [&NO_BOX; LEAF_WIDTH];
         for (lane, bounds) in boxes.iter_mut().enumerate().take(self.child_count as usize) {
@@ -130,7 +128,7 @@ impl Node {
 }
 
 impl Leaf {
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     fn refit<S: Simd>(&mut self, simd: S, bounds: &[Aabb]) {
         let mut boxes = [&NO_BOX; LEAF_WIDTH];
         for (own, &item) in boxes.iter_mut().zip(&self.items[..self.count as usize]) {
@@ -140,7 +138,7 @@ impl Leaf {
     }
 
     /// Copies the boxes of the leaf's items.
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     pub(super) fn set_boxes<S: Simd>(&mut self, simd: S, items: &[(u32, Aabb)]) {
         let mut boxes = [&NO_BOX; LEAF_WIDTH];
         for (own, (_, bounds)) in boxes.iter_mut().zip(items) {
@@ -153,7 +151,7 @@ impl Leaf {
 impl Boxes {
     /// Stores eight boxes. Returns the box around them, without those that are empty or NaN: such a box overlaps
     /// nothing, and must not result in a node that overlaps nothing.
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     fn set_all<S: Simd>(&mut self, simd: S, boxes: [&Aabb; LEAF_WIDTH]) -> Aabb {
         let (mut heads, mut tails) = ([f32x4::splat(simd, 0.0); LEAF_WIDTH], [f32x4::splat(simd, 0.0); LEAF_WIDTH]);
         for lane in 0..LEAF_WIDTH {

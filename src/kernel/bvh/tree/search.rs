@@ -1,7 +1,5 @@
 //! Finds the leaves of a tree that are near a box, or near each of many leaves.
 
-#![expect(clippy::inline_always, reason = "only inlined code is compiled for the dispatched instruction set")]
-
 use fearless_simd::{f32x8, mask32x8, prelude::*, u32x8};
 
 use super::{Aabb, BoxTree, LEAF_WIDTH, LEAVES_TOGETHER, Leaf, Node, STACK, corners, overlapping};
@@ -24,7 +22,7 @@ impl LeafSearch {
     }
 
     /// Starts a search.
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     pub(super) fn begin(&mut self, tree: &BoxTree) {
         self.node_count = usize::from(!tree.nodes.is_empty());
         self.nodes[0] = 0;
@@ -33,7 +31,7 @@ impl LeafSearch {
     /// Pops a node from the stack, and pushes the child nodes that overlap `bounds` and have leaves from `first` on.
     /// Returns the node, the indices of all its children, and a bit for each leaf among them that is at `first` or
     /// later and overlaps `bounds`.
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     fn visit<'a, S: Simd>(
         &mut self,
         simd: S,
@@ -57,7 +55,7 @@ impl LeafSearch {
     }
 
     /// Finds the next leaves from `first` on whose boxes overlap `bounds`. Returns whether there are any.
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     pub(super) fn go_on<S: Simd>(&mut self, simd: S, tree: &BoxTree, bounds: &Aabb, first: u32) -> bool {
         self.leaf_count = 0;
         while self.node_count > 0 && self.leaf_count < Self::ROOM {
@@ -68,14 +66,14 @@ impl LeafSearch {
     }
 
     /// Adds the leaves whose bits are set in `meant`, out of eight.
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     fn add<S: Simd>(&mut self, simd: S, places: u32x8<S>, meant: u32) {
         let room = &mut self.leaves[self.leaf_count..][..LEAF_WIDTH];
         places.compress(mask32x8::from_bitmask(simd, u64::from(meant))).store_slice(room);
         self.leaf_count += meant.count_ones() as usize;
     }
 
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     pub(super) fn found(&self) -> &[u32] {
         &self.leaves[..self.leaf_count]
     }
@@ -113,7 +111,7 @@ impl NearbyLeaves {
 
     /// Starts a search for the neighbors of the next leaf, after `passed` of the `leaves` are done. Boxes are grown by
     /// `skin`.
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     pub(super) fn begin<S: Simd>(
         &mut self,
         simd: S,
@@ -137,7 +135,7 @@ impl NearbyLeaves {
     }
 
     /// Finds all leaves from `first` on whose boxes overlap `bounds`, if they fit.
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     fn look_around<S: Simd>(&mut self, simd: S, tree: &BoxTree, bounds: &Aabb, first: u32) {
         self.search.begin(tree);
         self.count = 0;
@@ -164,7 +162,7 @@ impl NearbyLeaves {
     }
 
     /// Finds the next leaves from `first` on whose boxes overlap `bounds`. Returns whether there are any.
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     pub(super) fn go_on<S: Simd>(&mut self, simd: S, tree: &BoxTree, bounds: &Aabb, first: u32) -> bool {
         if !self.is_complete {
             return self.search.go_on(simd, tree, bounds, first);
@@ -184,7 +182,7 @@ impl NearbyLeaves {
         self.search.leaf_count > 0
     }
 
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     pub(super) fn found(&self) -> &[u32] {
         self.search.found()
     }

@@ -1,7 +1,5 @@
 //! The contacts of a batch, eight at a time.
 
-#![expect(clippy::inline_always, reason = "only inlined code is compiled for the dispatched instruction set")]
-
 use fearless_simd::{f64x8, mask64x8, prelude::*};
 
 use super::{Batch, FIRST, Limits, Results, SECOND};
@@ -10,7 +8,7 @@ use crate::kernel::{
     simd::lanes::{DoubleVectorLanes, VectorLanes, VectorRows, rounded},
 };
 
-#[inline(always)]
+#[cfg_attr(not(unoptimized), inline(always))]
 pub(super) fn vertices_on_edges<S: Simd>(simd: S, batch: &Batch, limits: &Limits<'_>, results: &mut Results) {
     let origin = origins(simd, batch, limits);
     let swapped = mask64x8::from_bitmask(simd, batch.swapped);
@@ -40,7 +38,7 @@ pub(super) fn vertices_on_edges<S: Simd>(simd: S, batch: &Batch, limits: &Limits
     normal.rounded().store(&mut results.normal);
 }
 
-#[inline(always)]
+#[cfg_attr(not(unoptimized), inline(always))]
 pub(super) fn vertices_over_faces<S: Simd>(simd: S, batch: &Batch, limits: &Limits<'_>, results: &mut Results) {
     let origin = origins(simd, batch, limits);
     let swapped = mask64x8::from_bitmask(simd, batch.swapped);
@@ -70,7 +68,7 @@ pub(super) fn vertices_over_faces<S: Simd>(simd: S, batch: &Batch, limits: &Limi
     normal.rounded().store(&mut results.normal);
 }
 
-#[inline(always)]
+#[cfg_attr(not(unoptimized), inline(always))]
 pub(super) fn pairs_of_edges<S: Simd>(simd: S, batch: &Batch, limits: &Limits<'_>, results: &mut Results) {
     let origin = origins(simd, batch, limits);
     let of_b = mask64x8::splat(simd, true);
@@ -96,7 +94,7 @@ pub(super) fn pairs_of_edges<S: Simd>(simd: S, batch: &Batch, limits: &Limits<'_
     normal.rounded().store(&mut results.normal);
 }
 
-#[inline(always)]
+#[cfg_attr(not(unoptimized), inline(always))]
 pub(super) fn edges_through_faces<S: Simd>(simd: S, batch: &Batch, limits: &Limits<'_>, results: &mut Results) {
     let origin = origins(simd, batch, limits);
     let swapped = mask64x8::from_bitmask(simd, batch.swapped);
@@ -146,7 +144,7 @@ pub(super) fn edges_through_faces<S: Simd>(simd: S, batch: &Batch, limits: &Limi
 }
 
 /// The second or the third value where its mask is set, otherwise the first.
-#[inline(always)]
+#[cfg_attr(not(unoptimized), inline(always))]
 fn select_of_three<S: Simd>(
     second: mask64x8<S>,
     third: mask64x8<S>,
@@ -157,13 +155,13 @@ fn select_of_three<S: Simd>(
 }
 
 /// The first corners of the first triangles, in the pair's frame.
-#[inline(always)]
+#[cfg_attr(not(unoptimized), inline(always))]
 fn origins<S: Simd>(simd: S, batch: &Batch, limits: &Limits<'_>) -> DoubleVectorLanes<S> {
     placed(simd, &batch.origin, mask64x8::splat(simd, false), limits)
 }
 
 /// Points in the pair's frame. The mask selects those of the second surface.
-#[inline(always)]
+#[cfg_attr(not(unoptimized), inline(always))]
 fn placed<S: Simd>(simd: S, points: &VectorRows, of_second: mask64x8<S>, limits: &Limits<'_>) -> DoubleVectorLanes<S> {
     let points = VectorLanes::load(simd, points).widened();
     let [a, b] = limits.poses;
@@ -175,7 +173,7 @@ fn placed<S: Simd>(simd: S, points: &VectorRows, of_second: mask64x8<S>, limits:
 
 impl Results {
     /// Stores the weights of the start and the end of an edge, or of the first two corners of a face.
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     fn set_weights<S: Simd>(&mut self, row: u8, start: f64x8<S>, end: f64x8<S>) {
         rounded(start).store_slice(&mut self.weights[row as usize]);
         rounded(end).store_slice(&mut self.weights[row as usize + 1]);
@@ -183,7 +181,7 @@ impl Results {
 }
 
 /// Normalizes three values of the same sign to weights, and returns these with the point that they stand for.
-#[inline(always)]
+#[cfg_attr(not(unoptimized), inline(always))]
 fn normalized<S: Simd>(
     simd: S,
     areas: [f64x8<S>; 3],

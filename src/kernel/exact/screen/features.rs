@@ -1,7 +1,5 @@
 //! The features of eight pairs of triangles, case by case.
 
-#![expect(clippy::inline_always, reason = "only inlined code is compiled for the dispatched instruction set")]
-
 use fearless_simd::{f64x8, mask64x8, prelude::*, u64x8};
 
 use super::rows::Rows;
@@ -17,12 +15,12 @@ struct Nearest<S: Simd> {
 }
 
 impl<S: Simd> Nearest<S> {
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     fn none(simd: S) -> Self {
         Self { distance_squared: f64x8::splat(simd, f64::INFINITY), case: u64x8::splat(simd, 0) }
     }
 
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     fn add(&mut self, distance_squared: f64x8<S>, case: u64x8<S>) {
         let nearer = distance_squared.simd_lt(self.distance_squared);
         self.distance_squared = nearer.select(distance_squared, self.distance_squared);
@@ -39,7 +37,7 @@ pub(super) struct Found<S: Simd> {
     pub(super) closest: u64x8<S>,
 }
 
-#[inline(always)]
+#[cfg_attr(not(unoptimized), inline(always))]
 fn with_case<S: Simd>(cases: u64x8<S>, is_case: mask64x8<S>, case: u64x8<S>) -> u64x8<S> {
     is_case.select(cases | case, cases)
 }
@@ -59,7 +57,7 @@ const EDGES: [[u64; 3]; 3] = [
 
 /// All cases except edges through faces, up to a squared distance, which is finite. Everything between a corner or edge
 /// of the first triangle and one of the second is done at once, so that the vector between them is read once.
-#[inline(always)]
+#[cfg_attr(not(unoptimized), inline(always))]
 pub(super) fn features<S: Simd>(simd: S, rows: &mut Rows, limit: f64x8<S>) -> Found<S> {
     let (zero, one) = (f64x8::splat(simd, 0.0), f64x8::splat(simd, 1.0));
     let nowhere = f64x8::splat(simd, f64::INFINITY);
@@ -129,7 +127,7 @@ pub(super) fn features<S: Simd>(simd: S, rows: &mut Rows, limit: f64x8<S>) -> Fo
 
 /// Where along an edge a point is closest, 0 to 1, and the squared distance, given the vector between the edge's start
 /// and the point.
-#[inline(always)]
+#[cfg_attr(not(unoptimized), inline(always))]
 fn on_edge<S: Simd>(
     simd: S,
     from_start: DoubleVectorLanes<S>,
@@ -143,13 +141,13 @@ fn on_edge<S: Simd>(
 }
 
 /// For a face without area, no area is positive, and the distance is NaN or infinite.
-#[inline(always)]
+#[cfg_attr(not(unoptimized), inline(always))]
 fn over_face<S: Simd>(least_area: f64x8<S>, height: f64x8<S>, inverse: f64x8<S>, nowhere: f64x8<S>) -> f64x8<S> {
     least_area.simd_gt(0.0).select(height * height * inverse, nowhere)
 }
 
 /// The smallest and the largest volume between an edge of one triangle and the other's edges.
-#[inline(always)]
+#[cfg_attr(not(unoptimized), inline(always))]
 fn volumes<S: Simd>(simd: S, rows: &Rows, side: usize, edge: usize) -> (f64x8<S>, f64x8<S>) {
     let volumes = &rows.volumes;
     let [a, b, c] = if side == 0 {
@@ -162,7 +160,7 @@ fn volumes<S: Simd>(simd: S, rows: &Rows, side: usize, edge: usize) -> (f64x8<S>
 }
 
 /// How high the ends of an edge are over the other triangle's face.
-#[inline(always)]
+#[cfg_attr(not(unoptimized), inline(always))]
 fn ends<S: Simd>(simd: S, rows: &Rows, side: usize, edge: usize) -> (f64x8<S>, f64x8<S>) {
     let heights = &rows.heights[side];
     (heights[edge].load(simd), heights[(edge + 1) % 3].load(simd))
@@ -170,7 +168,7 @@ fn ends<S: Simd>(simd: S, rows: &Rows, side: usize, edge: usize) -> (f64x8<S>, f
 
 /// The edges whose ends may be on different sides of the other face's plane, and which that face's edges may all pass
 /// on the same side.
-#[inline(always)]
+#[cfg_attr(not(unoptimized), inline(always))]
 pub(super) fn may_pierce<S: Simd>(simd: S, rows: &Rows, rounding: f64x8<S>) -> u64x8<S> {
     let mut cases = u64x8::splat(simd, 0);
     for edge in 0..3 {
@@ -188,7 +186,7 @@ pub(super) fn may_pierce<S: Simd>(simd: S, rows: &Rows, rounding: f64x8<S>) -> u
 }
 
 /// The edges that certainly pierce a face: neither condition of [`may_pierce`] is in doubt.
-#[inline(always)]
+#[cfg_attr(not(unoptimized), inline(always))]
 pub(super) fn certainly_pierce<S: Simd>(simd: S, rows: &Rows, rounding: f64x8<S>, firm: f64x8<S>) -> u64x8<S> {
     let mut cases = u64x8::splat(simd, 0);
     for edge in 0..3 {

@@ -1,7 +1,5 @@
 //! Transposes the corners of eight triangles from their rows into lanes.
 
-#![expect(clippy::inline_always, reason = "only inlined code is compiled for the dispatched instruction set")]
-
 use fearless_simd::{f32x8, f64x8, prelude::*};
 
 use crate::kernel::{
@@ -11,7 +9,7 @@ use crate::kernel::{
 };
 
 /// The corners of eight triangles, transformed like [`Pose::transform_point`].
-#[inline(always)]
+#[cfg_attr(not(unoptimized), inline(always))]
 pub(super) fn corners_in_lanes<S: Simd>(
     simd: S,
     rows: &[&CornerRow; WIDTH],
@@ -28,7 +26,7 @@ pub(super) fn corners_in_lanes<S: Simd>(
 }
 
 /// The nine coordinates of eight triangles.
-#[inline(always)]
+#[cfg_attr(not(unoptimized), inline(always))]
 fn numbers_in_lanes<S: Simd>(simd: S, rows: &[&CornerRow; WIDTH]) -> [f64x8<S>; 9] {
     let mut all: [&[f32]; WIDTH] = [&[]; WIDTH];
     let mut last = [0.0; WIDTH];

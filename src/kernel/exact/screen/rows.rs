@@ -3,8 +3,6 @@
 //! A pair has more numbers than there are registers. In memory they are read where they are needed, and a loop over
 //! corners and edges stays short.
 
-#![expect(clippy::inline_always, reason = "only inlined code is compiled for the dispatched instruction set")]
-
 use fearless_simd::{f64x8, prelude::*, u64x8};
 
 use crate::kernel::{
@@ -18,12 +16,12 @@ use crate::kernel::{
 pub(super) struct Numbers([f64; WIDTH]);
 
 impl Numbers {
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     pub(super) fn load<S: Simd>(&self, simd: S) -> f64x8<S> {
         f64x8::from_slice(simd, &self.0)
     }
 
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     pub(super) fn store<S: Simd>(&mut self, numbers: f64x8<S>) {
         numbers.store_slice(&mut self.0);
     }
@@ -74,7 +72,7 @@ impl Rows {
 
     /// Takes the second and third corner of one triangle, whose first corner is the origin, and the corners of the
     /// other.
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     pub(super) fn set<S: Simd>(
         &mut self,
         simd: S,
@@ -90,7 +88,7 @@ impl Rows {
         self.set_side(simd, 1, [b[0] - b[1], b[1] - b[2], b[2] - b[0]]);
     }
 
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     fn set_side<S: Simd>(&mut self, simd: S, side: usize, edges: [DoubleVectorLanes<S>; 3]) {
         let (zero, one) = (f64x8::splat(simd, 0.0), f64x8::splat(simd, 1.0));
         let normal = edges[0].cross(edges[1]);
@@ -105,7 +103,7 @@ impl Rows {
     }
 
     /// The vertices and edges whose squared distance is at most `most`, one bit each.
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     pub(super) fn boundaries_within<S: Simd>(&self, simd: S, most: f64x8<S>) -> u64x8<S> {
         let mut within = u64x8::splat(simd, 0);
         for (place, distance_squared) in self.boundaries.iter().enumerate() {
@@ -115,7 +113,7 @@ impl Rows {
     }
 
     /// Where the vertex is closest to the start of the edge, and where it is closest to its end.
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     pub(super) fn at_ends<S: Simd>(&self, simd: S) -> [u64x8<S>; 2] {
         let (mut at_start, mut at_end) = (u64x8::splat(simd, 0), u64x8::splat(simd, 0));
         for (place, along) in self.alongs.iter().enumerate() {

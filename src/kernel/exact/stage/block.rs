@@ -1,7 +1,5 @@
 //! Up to eight candidate pairs that were screened together: everything that needs no test of a single pair.
 
-#![expect(clippy::inline_always, reason = "parts of one loop that must be compiled as one")]
-
 use std::hint::select_unpredictable;
 
 use fearless_simd::{f64x8, mask64x8, prelude::*, u64x8};
@@ -55,14 +53,14 @@ pub(super) struct Block<'a> {
 }
 
 impl<'a> Block<'a> {
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     fn pair(&self, place: usize) -> RowPair<'a> {
         let rows = [self.rows[0][place], self.rows[1][place]];
         RowPair { sides: self.sides, triangles: self.pairs[place], rows }
     }
 
     /// What the `requested` pairs report. The `near` ones need no test of a single pair, with a few exceptions.
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     pub(super) fn reports<S: Simd>(
         &self,
         simd: S,
@@ -125,7 +123,7 @@ impl<'a> Block<'a> {
     }
 
     /// Adds the near pairs, with the distances of the screen.
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     pub(super) fn add_pairs(&self, near: u32, found: &mut FoundPairs) {
         let touching = near & self.screened.touching;
         let distances = self.screen.distances();
@@ -148,7 +146,7 @@ impl<'a> Block<'a> {
     }
 
     /// Adds one near pair, with the distance of the screen.
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     pub(super) fn add_pair(&self, place: usize, found: &mut FoundPairs) {
         add_pair(self.pairs[place], self.screen.distances()[place], self.settings, found);
     }
@@ -198,7 +196,7 @@ impl<'a> Block<'a> {
 }
 
 /// The smaller of two numbers.
-#[inline(always)]
+#[cfg_attr(not(unoptimized), inline(always))]
 fn least(a: f64, b: f64) -> f64 {
     if b < a { b } else { a }
 }

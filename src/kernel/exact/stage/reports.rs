@@ -1,7 +1,5 @@
 //! Which features a pair of triangles reports, so that most features are reported once.
 
-#![expect(clippy::inline_always, reason = "only inlined code is compiled for the dispatched instruction set")]
-
 use fearless_simd::{mask64x8, prelude::*, u64x8};
 
 use crate::kernel::{
@@ -52,14 +50,14 @@ pub(super) struct ReportedLanes<S: Simd> {
 
 impl<S: Simd> ReportedLanes<S> {
     /// All of some cases, whichever triangles are the first around their features.
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     pub(super) fn all(simd: S, cases: CaseLanes<S>) -> Self {
         Self { cases, shared: CaseLanes(u64x8::splat(simd, Cases::ALL.bits())), others: mask64x8::splat(simd, false) }
     }
 }
 
 /// The cases that eight pairs report because their triangles are the first around both features, see [`reports`].
-#[inline(always)]
+#[cfg_attr(not(unoptimized), inline(always))]
 pub(super) fn reported_as_first<S: Simd>(
     simd: S,
     rows: &[[&CornerRow; WIDTH]; 2],

@@ -1,8 +1,6 @@
 //! The normals of faces, and their weights at corners.
 
-#![expect(clippy::inline_always, reason = "only inlined code is compiled for the dispatched instruction set")]
-
-use fearless_simd::{Level, dispatch, f32x8, prelude::*};
+use fearless_simd::{f32x8, prelude::*};
 use glam::{DVec3, Vec3, Vec3A, Vec4};
 
 use super::selection::{Part, Selection};
@@ -37,7 +35,7 @@ impl Face {
         self.0[6]
     }
 
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     pub(super) fn row(&self) -> &[f32; 8] {
         &self.0
     }
@@ -76,11 +74,11 @@ pub(super) fn compute_faces(
 ) {
     faces.resize(triangles.len(), Face::default());
     parallel.run_tasks(selection.parts(faces), selection.share(), |faces| {
-        dispatch!(Level::new(), simd => write_faces(simd, positions, triangles, faces));
+        dispatch!(simd => write_faces(simd, positions, triangles, faces));
     });
 }
 
-#[inline(always)]
+#[cfg_attr(not(unoptimized), inline(always))]
 fn write_faces<S: Simd>(simd: S, positions: &[Vec3], triangles: &[[u32; 3]], mut faces: Part<'_, Face>) {
     let zero = f32x8::splat(simd, 0.0);
     for items in faces.items.chunks(WIDTH) {

@@ -1,8 +1,6 @@
 //! The `c` of edges, eight at a time.
 
-#![expect(clippy::inline_always, reason = "only inlined code is compiled for the dispatched instruction set")]
-
-use fearless_simd::{Level, dispatch, f32x4, f32x8, mask32x8, prelude::*};
+use fearless_simd::{f32x4, f32x8, mask32x8, prelude::*};
 use glam::{Vec3, Vec3A};
 
 use super::{GUARD, MOST_OF_EDGE, faces::Face, selection::Selection};
@@ -32,7 +30,7 @@ pub(super) fn compute_softness(
 ) {
     softness.resize(sides.len(), 1.0);
     parallel.run_tasks(selection.parts(softness), selection.share(), |mut softness| {
-        dispatch!(Level::new(), simd => {
+        dispatch!(simd => {
             for items in softness.items.chunks(WIDTH) {
                 let [first, second] = EightEdges::new(sides, items).faces(simd, faces);
                 let soft = stored(crease.softness_in_lanes(simd, first.normal - second.normal));
@@ -61,7 +59,7 @@ impl Edges<'_> {
         let sides = self.topology.fans().edges();
         offsets.resize(sides.len(), Vec3::ZERO);
         parallel.run_tasks(selection.parts(offsets), selection.share(), |mut offsets| {
-            dispatch!(Level::new(), simd => {
+            dispatch!(simd => {
                 for items in offsets.items.chunks(WIDTH) {
                     let own = self.offsets(simd, sides, items).stored();
                     for (lane, &item) in items.iter().enumerate() {
@@ -73,7 +71,7 @@ impl Edges<'_> {
         });
     }
 
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     fn offsets<S: Simd>(&self, simd: S, sides: &[EdgeSides], items: &[u32]) -> VectorLanes<S> {
         let edges = EightEdges::new(sides, items);
         let [face, other] = edges.faces(simd, self.faces);
@@ -126,7 +124,7 @@ struct EightEdges {
 }
 
 impl EightEdges {
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     fn new(sides: &[EdgeSides], items: &[u32]) -> Self {
         let mut edges = Self { sides: [EdgeSides::AT_ZERO; WIDTH], curved: 0 };
         for (lane, (own, &item)) in edges.sides.iter_mut().zip(items).enumerate() {
@@ -139,7 +137,7 @@ impl EightEdges {
         edges
     }
 
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     fn faces<S: Simd>(&self, simd: S, faces: &[Face]) -> [FaceLanes<S>; 2] {
         let mut rows = [[f32x8::splat(simd, 0.0); WIDTH]; 2];
         for lane in 0..WIDTH {
@@ -152,7 +150,7 @@ impl EightEdges {
     }
 
     /// From the start of each edge to its end.
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     fn along<S: Simd>(&self, simd: S, positions: &[Vec3]) -> VectorLanes<S> {
         let mut along = [Vec3::ZERO; WIDTH];
         for lane in 0..WIDTH {
@@ -163,7 +161,7 @@ impl EightEdges {
     }
 
     /// The normals at both ends, for each side.
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     fn normals<S: Simd>(&self, simd: S, normals: &[Vec3A]) -> [[VectorLanes<S>; 2]; 2] {
         let mut rows = [[f32x4::splat(simd, 0.0); WIDTH]; 4];
         for lane in 0..WIDTH {
@@ -184,13 +182,13 @@ struct FaceLanes<S: Simd> {
 }
 
 impl<S: Simd> FaceLanes<S> {
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     fn new(rows: [f32x8<S>; WIDTH]) -> Self {
         let [x, y, z, _, _, _, height, _] = transposed(rows);
         Self { normal: VectorLanes { x, y, z }, height }
     }
 
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     fn squared(&self) -> f32x8<S> {
         self.normal.dot(self.normal)
     }
@@ -206,7 +204,7 @@ struct SideLanes<S: Simd> {
 }
 
 impl<S: Simd> SideLanes<S> {
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     fn new(
         simd: S,
         crease: CreaseAngle,
@@ -223,7 +221,7 @@ impl<S: Simd> SideLanes<S> {
 
 /// The `c` of an edge between two curved surfaces: the shortest vector that rises over each of them like its own `c`.
 /// By least squares where the two are nearly one, or turn back on themselves.
-#[inline(always)]
+#[cfg_attr(not(unoptimized), inline(always))]
 fn on_crease<S: Simd>(own: &SideLanes<S>, other: &SideLanes<S>) -> VectorLanes<S> {
     let ((first, _), (second, _)) = (own.normal.normalized(), other.normal.normalized());
     let (rise, other_rise) = (own.offset.dot(first), other.offset.dot(second));

@@ -4,8 +4,6 @@
 //! coefficients interpolate the functions at Chebyshev nodes over the stated ranges (40 digits). The stated relative
 //! errors are far below half a unit in the last place of f32, 6e-8.
 
-#![expect(clippy::inline_always, reason = "only inlined code is compiled for the dispatched instruction set")]
-
 use core::f64::consts::{FRAC_PI_2, FRAC_PI_4, PI};
 
 use fearless_simd::{f32x8, f64x8, prelude::*};
@@ -46,7 +44,7 @@ const COSINE: [f64; 6] = [
     -2.717_342_984_102_282e-7,
 ];
 
-#[inline(always)]
+#[cfg_attr(not(unoptimized), inline(always))]
 fn polynomial<S: Simd, const COUNT: usize>(coefficients: &[f64; COUNT], z: f64x8<S>) -> f64x8<S> {
     let mut sum = f64x8::splat(z.simd, coefficients[COUNT - 1]);
     for power in (0..COUNT - 1).rev() {
@@ -56,7 +54,7 @@ fn polynomial<S: Simd, const COUNT: usize>(coefficients: &[f64; COUNT], z: f64x8
 }
 
 /// The angle from the x axis to the direction (`x`, `y`), from −π to π; 0 if both are 0.
-#[inline(always)]
+#[cfg_attr(not(unoptimized), inline(always))]
 pub(in crate::kernel) fn arc_tangent<S: Simd>(y: f32x8<S>, x: f32x8<S>) -> f32x8<S> {
     let (y, x) = (widened(y), widened(x));
     let [zero, quarter, half] = [0.0, FRAC_PI_2, PI].map(|angle| f64x8::splat(y.simd, angle));
@@ -74,14 +72,14 @@ pub(in crate::kernel) fn arc_tangent<S: Simd>(y: f32x8<S>, x: f32x8<S>) -> f32x8
 }
 
 /// Sine and cosine of angles from −π/4 to π/4.
-#[inline(always)]
+#[cfg_attr(not(unoptimized), inline(always))]
 fn small_sine_cosine<S: Simd>(angle: f64x8<S>) -> (f64x8<S>, f64x8<S>) {
     let squared = angle * angle;
     (angle * polynomial(&SINE, squared), polynomial(&COSINE, squared))
 }
 
 /// Sine and cosine of angles from 0 to 5π/4.
-#[inline(always)]
+#[cfg_attr(not(unoptimized), inline(always))]
 pub(in crate::kernel) fn sine_cosine<S: Simd>(angle: f32x8<S>) -> (f32x8<S>, f32x8<S>) {
     let angle = widened(angle);
     let half_circle = angle.simd_gt(3.0 * FRAC_PI_4);
@@ -96,7 +94,7 @@ pub(in crate::kernel) fn sine_cosine<S: Simd>(angle: f32x8<S>) -> (f32x8<S>, f32
 }
 
 /// Tangent of angles from 0 to π/2.
-#[inline(always)]
+#[cfg_attr(not(unoptimized), inline(always))]
 pub(in crate::kernel) fn tangent<S: Simd>(angle: f32x8<S>) -> f32x8<S> {
     let angle = widened(angle);
     let steep = angle.simd_gt(FRAC_PI_4);
@@ -107,7 +105,6 @@ pub(in crate::kernel) fn tangent<S: Simd>(angle: f32x8<S>) -> f32x8<S> {
 
 #[cfg(test)]
 mod tests {
-    use fearless_simd::{Level, dispatch};
 
     use super::*;
     use crate::kernel::simd::lanes::WIDTH;
@@ -122,10 +119,10 @@ mod tests {
 
     #[test]
     fn angles_and_tangents_are_those_of_double_precision_rounded_once() {
-        dispatch!(Level::new(), simd => compare_with_double_precision(simd));
+        dispatch!(simd => compare_with_double_precision(simd));
     }
 
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     fn compare_with_double_precision<S: Simd>(simd: S) {
         let lanes = |value: &dyn Fn(usize) -> f32| f32x8::from_fn(simd, value);
         let mut worst = [0.0f64; 4];
@@ -158,7 +155,7 @@ mod tests {
         let [y, x]: [[f32; WIDTH]; 2] =
             [[0.0, 1.0, 0.0, -1.0, -0.0, 1.0, -1.0, 0.0], [1.0, 0.0, -1.0, 0.0, -1.0, 1.0, -1.0, 0.0]];
         let expected = [0.0, FRAC_PI_2, PI, -FRAC_PI_2, -PI, FRAC_PI_4, -3.0 * FRAC_PI_4, 0.0];
-        dispatch!(Level::new(), simd => {
+        dispatch!(simd => {
             let found = arc_tangent(f32x8::from_slice(simd, &y), f32x8::from_slice(simd, &x));
             assert_eq!(found.to_array(), expected.map(|angle| angle as f32));
         });

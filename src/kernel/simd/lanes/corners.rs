@@ -3,8 +3,6 @@
 //! Sphere contacts are measured on these: a lower bound of the distance of two triangles, and the weights of their
 //! corners at a point. The operations have the same order as those for one pair at a time.
 
-#![expect(clippy::inline_always, reason = "only inlined code is compiled for the dispatched instruction set")]
-
 use fearless_simd::{f32x8, f64x8, prelude::*};
 use glam::DVec3;
 
@@ -15,7 +13,7 @@ const LEAST_LENGTH: f64 = 0.25 * f64::MIN_POSITIVE;
 
 impl<S: Simd> DoubleVectorLanes<S> {
     /// Normalizes, or returns `otherwise` where the length is not reliable.
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     pub(in crate::kernel) fn normalized_or(self, otherwise: DVec3) -> Self {
         let simd = self.x.simd;
         let length = self.dot(self).sqrt();
@@ -31,19 +29,19 @@ pub(in crate::kernel) struct CornerLanes<S: Simd> {
 }
 
 impl<S: Simd> CornerLanes<S> {
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     pub(in crate::kernel) fn new(corners: [DoubleVectorLanes<S>; 3]) -> Self {
         Self { corners }
     }
 
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     fn normal(&self) -> DoubleVectorLanes<S> {
         let [a, b, c] = self.corners;
         (b - a).cross(c - a)
     }
 
     /// The first two weights of `barycentric::barycentric_of`.
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     pub(in crate::kernel) fn barycentrics(&self, point: VectorLanes<S>) -> [f32x8<S>; 2] {
         let (point, normal) = (point.widened(), self.normal());
         let first = self.area(1, 2, point, normal);
@@ -55,18 +53,18 @@ impl<S: Simd> CornerLanes<S> {
         [rounded(has_area.select(first / sum, third)), rounded(has_area.select(second / sum, third))]
     }
 
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     fn area(&self, from: usize, to: usize, point: DoubleVectorLanes<S>, normal: DoubleVectorLanes<S>) -> f64x8<S> {
         let edge = self.corners[to] - self.corners[from];
         normal.dot(edge.cross(point - self.corners[from])).max(0.0)
     }
 
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     fn low(&self) -> DoubleVectorLanes<S> {
         self.corners[0].min(self.corners[1]).min(self.corners[2])
     }
 
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     fn high(&self) -> DoubleVectorLanes<S> {
         self.corners[0].max(self.corners[1]).max(self.corners[2])
     }
@@ -81,7 +79,7 @@ pub(in crate::kernel) struct TrianglePairLanes<S: Simd> {
 impl<S: Simd> TrianglePairLanes<S> {
     /// The gap between the axis-aligned boxes of two triangles along the axis that separates them most, or 0 if they
     /// overlap.
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     pub(in crate::kernel) fn box_gap(&self) -> f64x8<S> {
         let (a, b) = (&self.a, &self.b);
         let apart = (a.low() - b.high()).max(b.low() - a.high());
@@ -89,7 +87,7 @@ impl<S: Simd> TrianglePairLanes<S> {
     }
 
     /// The gap between two triangles along the unit direction that separates them most, or 0 if none separates them.
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     pub(in crate::kernel) fn gap_along<const COUNT: usize>(&self, directions: [VectorLanes<S>; COUNT]) -> f64x8<S> {
         let (a, b) = (&self.a.corners, &self.b.corners);
         let origin = a[0];
@@ -103,7 +101,7 @@ impl<S: Simd> TrianglePairLanes<S> {
     }
 }
 
-#[inline(always)]
+#[cfg_attr(not(unoptimized), inline(always))]
 fn gap_along<S: Simd>(
     direction: DoubleVectorLanes<S>,
     own: &[DoubleVectorLanes<S>; 3],

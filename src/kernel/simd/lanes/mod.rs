@@ -3,8 +3,6 @@
 //! Built on the lanes of `fearless_simd`. A kernel is dispatched as a whole to the widest instruction set of the
 //! machine, and everything below it is inlined into it.
 
-#![expect(clippy::inline_always, reason = "only inlined code is compiled for the dispatched instruction set")]
-
 mod angles;
 mod corners;
 pub(in crate::kernel) mod fused;
@@ -46,7 +44,7 @@ macro_rules! vectors {
         pub(in crate::kernel) struct $Rows([[$number; WIDTH]; 3]);
 
         impl<S: Simd> $Lanes<S> {
-            #[inline(always)]
+            #[cfg_attr(not(unoptimized), inline(always))]
             pub(in crate::kernel) fn splat(simd: S, vector: $Vector) -> Self {
                 Self {
                     x: $numbers::splat(simd, vector.x),
@@ -55,7 +53,7 @@ macro_rules! vectors {
                 }
             }
 
-            #[inline(always)]
+            #[cfg_attr(not(unoptimized), inline(always))]
             pub(in crate::kernel) fn load(simd: S, $Rows([x, y, z]): &$Rows) -> Self {
                 Self {
                     x: $numbers::from_slice(simd, x),
@@ -64,19 +62,19 @@ macro_rules! vectors {
                 }
             }
 
-            #[inline(always)]
+            #[cfg_attr(not(unoptimized), inline(always))]
             pub(in crate::kernel) fn store(self, $Rows([x, y, z]): &mut $Rows) {
                 self.x.store_slice(x);
                 self.y.store_slice(y);
                 self.z.store_slice(z);
             }
 
-            #[inline(always)]
+            #[cfg_attr(not(unoptimized), inline(always))]
             pub(in crate::kernel) fn dot(self, other: Self) -> $numbers<S> {
                 self.x * other.x + self.y * other.y + self.z * other.z
             }
 
-            #[inline(always)]
+            #[cfg_attr(not(unoptimized), inline(always))]
             pub(in crate::kernel) fn cross(self, other: Self) -> Self {
                 Self {
                     x: self.y * other.z - self.z * other.y,
@@ -85,38 +83,38 @@ macro_rules! vectors {
                 }
             }
 
-            #[inline(always)]
+            #[cfg_attr(not(unoptimized), inline(always))]
             pub(in crate::kernel) fn plus(self, other: Self) -> Self {
                 Self { x: self.x + other.x, y: self.y + other.y, z: self.z + other.z }
             }
 
             /// Unlike a subtraction from zero, this also flips the sign of zeros.
-            #[inline(always)]
+            #[cfg_attr(not(unoptimized), inline(always))]
             pub(in crate::kernel) fn negated(self) -> Self {
                 Self { x: -self.x, y: -self.y, z: -self.z }
             }
 
-            #[inline(always)]
+            #[cfg_attr(not(unoptimized), inline(always))]
             pub(in crate::kernel) fn min(self, other: Self) -> Self {
                 Self { x: self.x.min(other.x), y: self.y.min(other.y), z: self.z.min(other.z) }
             }
 
-            #[inline(always)]
+            #[cfg_attr(not(unoptimized), inline(always))]
             pub(in crate::kernel) fn max(self, other: Self) -> Self {
                 Self { x: self.x.max(other.x), y: self.y.max(other.y), z: self.z.max(other.z) }
             }
 
-            #[inline(always)]
+            #[cfg_attr(not(unoptimized), inline(always))]
             pub(in crate::kernel) fn abs(self) -> Self {
                 Self { x: self.x.abs(), y: self.y.abs(), z: self.z.abs() }
             }
 
-            #[inline(always)]
+            #[cfg_attr(not(unoptimized), inline(always))]
             pub(in crate::kernel) fn scaled(self, factor: $numbers<S>) -> Self {
                 Self { x: self.x * factor, y: self.y * factor, z: self.z * factor }
             }
 
-            #[inline(always)]
+            #[cfg_attr(not(unoptimized), inline(always))]
             pub(in crate::kernel) fn select(mask: $mask<S>, yes: Self, no: Self) -> Self {
                 Self { x: mask.select(yes.x, no.x), y: mask.select(yes.y, no.y), z: mask.select(yes.z, no.z) }
             }
@@ -124,7 +122,7 @@ macro_rules! vectors {
 
         impl<S: Simd> Sub for $Lanes<S> {
             type Output = Self;
-            #[inline(always)]
+            #[cfg_attr(not(unoptimized), inline(always))]
             fn sub(self, other: Self) -> Self {
                 Self { x: self.x - other.x, y: self.y - other.y, z: self.z - other.z }
             }
@@ -133,7 +131,7 @@ macro_rules! vectors {
         impl $Rows {
             pub(in crate::kernel) const ZERO: Self = Self([[0.0; WIDTH]; 3]);
 
-            #[inline(always)]
+            #[cfg_attr(not(unoptimized), inline(always))]
             pub(in crate::kernel) fn get(&self, lane: usize) -> $Vector {
                 let Self([x, y, z]) = self;
                 $Vector::new(x[lane], y[lane], z[lane])
@@ -147,7 +145,7 @@ vectors!(DoubleVectorLanes, DoubleVectorRows, f64x8, mask64x8, f64, DVec3, 64);
 
 impl<S: Simd> VectorLanes<S> {
     /// Loads one vector per lane in registers only. In memory they would be written in parts and read back as a whole.
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     pub(in crate::kernel) fn of(simd: S, vectors: [Vec3; WIDTH]) -> Self {
         let mut rows = [f32x4::splat(simd, 0.0); WIDTH];
         for lane in 0..WIDTH {
@@ -157,13 +155,13 @@ impl<S: Simd> VectorLanes<S> {
     }
 
     /// The first three numbers of each row.
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     pub(in crate::kernel) fn of_rows(rows: [f32x4<S>; WIDTH]) -> Self {
         let [x, y, z, _] = columns(rows);
         Self { x, y, z }
     }
 
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     pub(in crate::kernel) fn stored(self) -> VectorRows {
         let mut rows = VectorRows::ZERO;
         self.store(&mut rows);
@@ -171,7 +169,7 @@ impl<S: Simd> VectorLanes<S> {
     }
 
     /// Loads the first eight vectors. If there are fewer, the other lanes are zero.
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     pub(in crate::kernel) fn of_arrays(simd: S, vectors: &[[f32; 3]]) -> Self {
         let mut block = [Vec3::ZERO; WIDTH];
         if let Some(vectors) = vectors.first_chunk::<WIDTH>() {
@@ -187,7 +185,7 @@ impl<S: Simd> VectorLanes<S> {
     }
 
     /// Writes the first lanes to memory, at most eight.
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     pub(in crate::kernel) fn write<T: From<[f32; 3]>>(self, vectors: &mut [T]) {
         let rows = rows([self.x, self.y, self.z, self.z]);
         let Some(vectors) = vectors.first_chunk_mut::<WIDTH>() else {
@@ -201,25 +199,25 @@ impl<S: Simd> VectorLanes<S> {
         }
     }
 
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     pub(in crate::kernel) fn over(self, divisor: f32x8<S>) -> Self {
         Self { x: self.x / divisor, y: self.y / divisor, z: self.z / divisor }
     }
 
     /// Transforms points like [`Pose::transform_point`], rounded once.
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     pub(in crate::kernel) fn moved(self, simd: S, pose: Option<&Pose>) -> Self {
         self.widened().moved(simd, pose).rounded()
     }
 
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     pub(in crate::kernel) fn widened(self) -> DoubleVectorLanes<S> {
         DoubleVectorLanes { x: widened(self.x), y: widened(self.y), z: widened(self.z) }
     }
 }
 
 impl VectorRows {
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     pub(in crate::kernel) fn set(&mut self, lane: usize, vector: Vec3) {
         let Self([x, y, z]) = self;
         (x[lane], y[lane], z[lane]) = (vector.x, vector.y, vector.z);
@@ -228,7 +226,7 @@ impl VectorRows {
 
 impl<S: Simd> DoubleVectorLanes<S> {
     /// Transforms points like [`Pose::transform_point`].
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     pub(in crate::kernel) fn moved(self, simd: S, pose: Option<&Pose>) -> Self {
         let Some(pose) = pose else { return self };
         let affine = pose.to_affine();
@@ -236,42 +234,42 @@ impl<S: Simd> DoubleVectorLanes<S> {
     }
 
     /// Transforms directions like [`Pose::transform_direction`].
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     pub(in crate::kernel) fn moved_direction(self, simd: S, pose: &Pose) -> Self {
         let (turned, scale) = (self.turned(simd, &pose.to_affine().matrix3), pose.scale());
         Self { x: turned.x / scale, y: turned.y / scale, z: turned.z / scale }
     }
 
     /// Multiplies by a matrix, in the operation order of `glam`.
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     pub(in crate::kernel) fn turned(self, simd: S, matrix: &DMat3) -> Self {
         let [x, y, z] = [matrix.x_axis, matrix.y_axis, matrix.z_axis];
         let (x, y, z) = (Self::splat(simd, x), Self::splat(simd, y), Self::splat(simd, z));
         x.scaled(self.x).plus(y.scaled(self.y)).plus(z.scaled(self.z))
     }
 
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     pub(in crate::kernel) fn rounded(self) -> VectorLanes<S> {
         VectorLanes { x: rounded(self.x), y: rounded(self.y), z: rounded(self.z) }
     }
 }
 
 /// Converts to f64.
-#[inline(always)]
+#[cfg_attr(not(unoptimized), inline(always))]
 pub(in crate::kernel) fn widened<S: Simd>(numbers: f32x8<S>) -> f64x8<S> {
     let (low, high) = numbers.widen();
     low.combine(high)
 }
 
 /// Rounds to the nearest f32.
-#[inline(always)]
+#[cfg_attr(not(unoptimized), inline(always))]
 pub(in crate::kernel) fn rounded<S: Simd>(numbers: f64x8<S>) -> f32x8<S> {
     let (low, high) = numbers.split();
     low.narrow(high)
 }
 
 /// Stores the numbers of eight lanes.
-#[inline(always)]
+#[cfg_attr(not(unoptimized), inline(always))]
 pub(in crate::kernel) fn stored<S: Simd>(numbers: f32x8<S>) -> [f32; WIDTH] {
     let mut row = [0.0; WIDTH];
     numbers.store_slice(&mut row);
@@ -279,7 +277,7 @@ pub(in crate::kernel) fn stored<S: Simd>(numbers: f32x8<S>) -> [f32; WIDTH] {
 }
 
 /// Loads the first eight numbers. If there are fewer, the other lanes are 0.
-#[inline(always)]
+#[cfg_attr(not(unoptimized), inline(always))]
 pub(in crate::kernel) fn load_first<S: Simd>(simd: S, numbers: &[f32]) -> f32x8<S> {
     if let Some(numbers) = numbers.first_chunk::<WIDTH>() {
         return f32x8::from_slice(simd, numbers);
@@ -290,7 +288,7 @@ pub(in crate::kernel) fn load_first<S: Simd>(simd: S, numbers: &[f32]) -> f32x8<
 }
 
 /// Writes the numbers of the first lanes to memory, at most eight.
-#[inline(always)]
+#[cfg_attr(not(unoptimized), inline(always))]
 pub(in crate::kernel) fn store_first<S: Simd>(numbers: f32x8<S>, row: &mut [f32]) {
     if let Some(row) = row.first_chunk_mut::<WIDTH>() {
         numbers.store_slice(row);
@@ -300,7 +298,7 @@ pub(in crate::kernel) fn store_first<S: Simd>(numbers: f32x8<S>, row: &mut [f32]
 }
 
 /// One bit for each of the first `count` lanes, at least one.
-#[inline(always)]
+#[cfg_attr(not(unoptimized), inline(always))]
 pub(in crate::kernel) fn first_lanes(count: usize) -> u64 {
     u64::MAX >> (u64::BITS as usize - count)
 }
@@ -311,7 +309,7 @@ pub(in crate::kernel) struct SetLanes(pub(in crate::kernel) u32);
 impl Iterator for SetLanes {
     type Item = usize;
 
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     fn next(&mut self) -> Option<usize> {
         let lane = self.0.trailing_zeros() as usize;
         self.0 &= self.0.wrapping_sub(1);
@@ -320,7 +318,7 @@ impl Iterator for SetLanes {
 }
 
 /// The three coordinates of a vector, followed by 0.
-#[inline(always)]
+#[cfg_attr(not(unoptimized), inline(always))]
 fn row<S: Simd>(simd: S, Vec3 { x, y, z }: Vec3) -> f32x4<S> {
     f32x4::load_array(simd, [x, y, z, 0.0])
 }
@@ -329,18 +327,12 @@ fn row<S: Simd>(simd: S, Vec3 { x, y, z }: Vec3) -> f32x4<S> {
 #[cfg(test)]
 macro_rules! by_all_instructions {
     ($test:ident) => {
-        let level = fearless_simd::Level::new();
-        for level in [level, fearless_simd::Level::baseline()] {
-            fearless_simd::dispatch!(level, simd => $test(simd));
-        }
+        dispatch!(simd => $test(simd));
         #[cfg(target_arch = "x86_64")]
-        if let Some(simd) = level.as_sse4_2() {
+        if let Some(simd) = fearless_simd::Level::new().as_avx2() {
             $test(simd);
         }
-        #[cfg(target_arch = "x86_64")]
-        if let Some(simd) = level.as_avx2() {
-            $test(simd);
-        }
+        fearless_simd::dispatch!(fearless_simd::Level::baseline(), simd => $test(simd));
     };
 }
 #[cfg(test)]

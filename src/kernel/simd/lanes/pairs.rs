@@ -18,7 +18,7 @@ pub(in crate::kernel) struct PairLanes<S: Simd> {
 }
 
 impl<S: Simd> PairLanes<S> {
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     pub(in crate::kernel) fn new(a: &[VectorLanes<S>; 3], b: &[VectorLanes<S>; 3]) -> Self {
         let origin = a[0];
         let (a, b) = ([a[0] - origin, a[1] - origin, a[2] - origin], [b[0] - origin, b[1] - origin, b[2] - origin]);

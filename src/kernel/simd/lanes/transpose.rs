@@ -3,8 +3,6 @@
 //! Works in 4×4 blocks, one in each half of a vector, and crosses the halves at most once: crossing takes three times
 //! as long on some processors, and waits for the only unit that can do it on others.
 
-#![expect(clippy::inline_always, reason = "only inlined code is compiled for the dispatched instruction set")]
-
 #[cfg(target_arch = "x86_64")]
 use std::arch::x86_64::{__m256, _mm256_shuffle_ps, _mm256_unpackhi_ps, _mm256_unpacklo_ps};
 
@@ -13,13 +11,13 @@ use fearless_simd::{f32x4, f32x8, prelude::*};
 use super::WIDTH;
 
 /// Transposes eight rows of four numbers.
-#[inline(always)]
+#[cfg_attr(not(unoptimized), inline(always))]
 pub(in crate::kernel) fn columns<S: Simd>([a, b, c, d, e, f, g, h]: [f32x4<S>; WIDTH]) -> [f32x8<S>; 4] {
     halves_transposed([a.combine(e), b.combine(f), c.combine(g), d.combine(h)])
 }
 
 /// Transposes back into eight rows.
-#[inline(always)]
+#[cfg_attr(not(unoptimized), inline(always))]
 pub(in crate::kernel) fn rows<S: Simd>(columns: [f32x8<S>; 4]) -> [f32x4<S>; WIDTH] {
     let [a, b, c, d] = halves_transposed(columns);
     let ((a, e), (b, f), (c, g), (d, h)) = (a.split(), b.split(), c.split(), d.split());
@@ -27,7 +25,7 @@ pub(in crate::kernel) fn rows<S: Simd>(columns: [f32x8<S>; 4]) -> [f32x4<S>; WID
 }
 
 /// Transposes four numbers of each of eight rows in memory, starting with `FIRST`.
-#[inline(always)]
+#[cfg_attr(not(unoptimized), inline(always))]
 pub(in crate::kernel) fn columns_from<const FIRST: usize, S: Simd>(simd: S, rows: [&[f32]; WIDTH]) -> [f32x8<S>; 4] {
     let mut part = [f32x4::splat(simd, 0.0); WIDTH];
     for lane in 0..WIDTH {
@@ -37,7 +35,7 @@ pub(in crate::kernel) fn columns_from<const FIRST: usize, S: Simd>(simd: S, rows
 }
 
 /// Transposes eight rows of eight numbers.
-#[inline(always)]
+#[cfg_attr(not(unoptimized), inline(always))]
 pub(in crate::kernel) fn transposed<S: Simd>([a, b, c, d, e, f, g, h]: [f32x8<S>; WIDTH]) -> [f32x8<S>; WIDTH] {
     let [a, b, c, d] = halves_transposed([a, b, c, d]);
     let [e, f, g, h] = halves_transposed([e, f, g, h]);
@@ -56,7 +54,7 @@ pub(in crate::kernel) fn transposed<S: Simd>([a, b, c, d, e, f, g, h]: [f32x8<S>
 }
 
 /// Transposes the block in the lower halves of four vectors, and the block in the upper halves.
-#[inline(always)]
+#[cfg_attr(not(unoptimized), inline(always))]
 fn halves_transposed<S: Simd>([a, b, c, d]: [f32x8<S>; 4]) -> [f32x8<S>; 4] {
     // Eight instructions. One half by itself takes eight too, and both would have to be split and joined again.
     #[cfg(target_arch = "x86_64")]
@@ -73,7 +71,7 @@ fn halves_transposed<S: Simd>([a, b, c, d]: [f32x8<S>; 4]) -> [f32x8<S>; 4] {
 
 #[cfg(target_arch = "x86_64")]
 fearless_simd::kernel!(
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     fn halves_transposed_by_avx2(avx2: Avx2, a: __m256, b: __m256, c: __m256, d: __m256) -> [__m256; 4] {
         const FIRST: i32 = 0b01_00_01_00;
         const SECOND: i32 = 0b11_10_11_10;
@@ -88,7 +86,7 @@ fearless_simd::kernel!(
     }
 );
 
-#[inline(always)]
+#[cfg_attr(not(unoptimized), inline(always))]
 fn square_transposed<S: Simd>([a, b, c, d]: [f32x4<S>; 4]) -> [f32x4<S>; 4] {
     let ((low, high), (other_low, other_high)) = (a.interleave(c), b.interleave(d));
     let ((x, y), (z, w)) = (low.interleave(other_low), high.interleave(other_high));

@@ -4,8 +4,6 @@
 //! time in `circumsphere`, so both agree to the last bit. Triangles without area, and lengths whose squares leave the
 //! reliable range of f32, are flagged and left to that code.
 
-#![expect(clippy::inline_always, reason = "only inlined code is compiled for the dispatched instruction set")]
-
 use fearless_simd::{f32x8, mask32x8, prelude::*};
 use glam::Vec3;
 
@@ -24,7 +22,7 @@ pub(in crate::kernel) const LEAST_EXACT_SQUARE: f32 = f32::MIN_POSITIVE / f32::E
 const LEAST_LENGTH: f32 = 0.25 * f32::MIN_POSITIVE;
 
 /// Where squares are exact enough to take their roots.
-#[inline(always)]
+#[cfg_attr(not(unoptimized), inline(always))]
 fn is_exact<S: Simd>(squared: f32x8<S>) -> mask32x8<S> {
     squared.simd_ge(LEAST_EXACT_SQUARE) & squared.is_finite()
 }
@@ -35,7 +33,7 @@ pub(in crate::kernel) struct TriangleLanes<S: Simd>(pub(in crate::kernel) [Vecto
 
 impl<S: Simd> TriangleLanes<S> {
     /// Gathers the first eight of `triangles`. If there are fewer, the other lanes have no meaning.
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     pub(in crate::kernel) fn gather(simd: S, positions: &[Vec3], triangles: &[[u32; 3]]) -> Self {
         if let Some(triangles) = triangles.first_chunk() {
             return Self::gather_all(simd, positions, triangles);
@@ -45,7 +43,7 @@ impl<S: Simd> TriangleLanes<S> {
         Self::gather_all(simd, positions, &block)
     }
 
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     fn gather_all(simd: S, positions: &[Vec3], triangles: &[[u32; 3]; WIDTH]) -> Self {
         let mut corners = [[Vec3::ZERO; WIDTH]; 3];
         for (lane, vertices) in triangles.iter().enumerate() {
@@ -57,19 +55,19 @@ impl<S: Simd> TriangleLanes<S> {
         Self([VectorLanes::of(simd, a), VectorLanes::of(simd, b), VectorLanes::of(simd, c)])
     }
 
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     pub(in crate::kernel) fn relative_to(&self, origin: VectorLanes<S>) -> Self {
         Self([self.0[0] - origin, self.0[1] - origin, self.0[2] - origin])
     }
 
     /// Edge `k` joins corners `k` and `k + 1`.
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     pub(in crate::kernel) fn edge(&self, k: usize) -> VectorLanes<S> {
         self.0[(k + 1) % 3] - self.0[k]
     }
 
     /// The lengths of the edges, and where they are exact.
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     pub(in crate::kernel) fn edge_lengths(&self) -> ([f32x8<S>; 3], mask32x8<S>) {
         let [a, b, c] = [self.edge(0), self.edge(1), self.edge(2)];
         let [a, b, c] = [a.dot(a), b.dot(b), c.dot(c)];
@@ -77,7 +75,7 @@ impl<S: Simd> TriangleLanes<S> {
     }
 
     /// Distance from a point to the farthest corner, and where it is exact.
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     pub(in crate::kernel) fn farthest_corner(&self, center: VectorLanes<S>) -> (f32x8<S>, mask32x8<S>) {
         let [a, b, c] = [self.0[0] - center, self.0[1] - center, self.0[2] - center];
         let farthest = a.dot(a).max(b.dot(b)).max(c.dot(c));
@@ -85,7 +83,7 @@ impl<S: Simd> TriangleLanes<S> {
     }
 
     /// The radius of a ball around a point that contains the triangle, and where it is exact.
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     pub(in crate::kernel) fn containing_radius(&self, center: VectorLanes<S>) -> (f32x8<S>, mask32x8<S>) {
         let (farthest, exact) = self.farthest_corner(center);
         ((farthest * RADIUS_SLACK).min(f32::MAX), exact)
@@ -101,7 +99,7 @@ pub(in crate::kernel) struct EdgeChoice<S: Simd> {
 
 impl<S: Simd> EdgeChoice<S> {
     /// The longest edges. The first of equally long ones.
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     pub(in crate::kernel) fn longest(lengths: &[f32x8<S>; 3]) -> Self {
         let second = lengths[1].simd_gt(lengths[0]);
         let third = lengths[2].simd_gt(second.select(lengths[1], lengths[0]));
@@ -109,19 +107,19 @@ impl<S: Simd> EdgeChoice<S> {
     }
 
     /// Restores the choice that [`bits`](Self::bits) returned.
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     pub(in crate::kernel) fn from_bits(simd: S, [second, third]: [u8; 2]) -> Self {
         Self { second: mask32x8::from_bitmask(simd, second.into()), third: mask32x8::from_bitmask(simd, third.into()) }
     }
 
     /// One bit for each triangle whose edge is the second, and one for each whose edge is the third.
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     pub(in crate::kernel) fn bits(self) -> [u8; 2] {
         [self.second.to_bitmask() as u8, self.third.to_bitmask() as u8]
     }
 
     /// This choice where `mask` is set, otherwise `other`.
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     pub(in crate::kernel) fn where_else(self, mask: mask32x8<S>, other: Self) -> Self {
         Self {
             second: (mask & self.second) | (!mask & other.second),
@@ -129,12 +127,12 @@ impl<S: Simd> EdgeChoice<S> {
         }
     }
 
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     fn number(&self, [first, second, third]: &[f32x8<S>; 3]) -> f32x8<S> {
         self.third.select(*third, self.second.select(*second, *first))
     }
 
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     fn of(&self, [first, second, third]: [&VectorLanes<S>; 3]) -> VectorLanes<S> {
         VectorLanes::select(self.third, *third, VectorLanes::select(self.second, *second, *first))
     }
@@ -154,7 +152,7 @@ pub(in crate::kernel) struct FrameLanes<S: Simd> {
 impl<S: Simd> FrameLanes<S> {
     /// Computes the frames relative to `origin`, given the [lengths of the edges](TriangleLanes::edge_lengths), which
     /// are exact.
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     pub(in crate::kernel) fn new(
         triangles: &TriangleLanes<S>,
         origin: VectorLanes<S>,
@@ -184,7 +182,7 @@ impl<S: Simd> FrameLanes<S> {
         }
     }
 
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     pub(in crate::kernel) fn point_across(&self, halves: f32x8<S>) -> VectorLanes<S> {
         let across = (halves * self.half_length).min(f32::MAX);
         self.midpoint.plus(self.inward.scaled(across))
@@ -193,7 +191,7 @@ impl<S: Simd> FrameLanes<S> {
 
 impl<S: Simd> VectorLanes<S> {
     /// Normalizes, and returns where the length is reliable. Elsewhere the vector is zero.
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     pub(in crate::kernel) fn normalized(self) -> (Self, mask32x8<S>) {
         let simd = self.x.simd;
         let length = self.dot(self).sqrt();

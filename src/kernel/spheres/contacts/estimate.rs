@@ -23,7 +23,7 @@ struct Limit {
 }
 
 impl Limit {
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     fn new(limit: f64, scale: f64) -> Self {
         let (limit, slack) = (limit / scale, 2.0 * f64::from(f32::EPSILON));
         Self { below: (limit * (1.0 - slack)) as f32, above: (limit * (1.0 + slack)) as f32 }
@@ -69,7 +69,7 @@ struct BoxLanes<S: Simd> {
 }
 
 impl<S: Simd> BoxLanes<S> {
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     fn new([a, b, c]: &[VectorLanes<S>; 3]) -> Self {
         let low = VectorLanes { x: a.x.min(b.x).min(c.x), y: a.y.min(b.y).min(c.y), z: a.z.min(b.z).min(c.z) };
         let high = VectorLanes { x: a.x.max(b.x).max(c.x), y: a.y.max(b.y).max(c.y), z: a.z.max(b.z).max(c.z) };
@@ -77,7 +77,7 @@ impl<S: Simd> BoxLanes<S> {
     }
 
     /// The gap between the boxes along the axis that separates them most. Negative if they overlap.
-    #[inline(always)]
+    #[cfg_attr(not(unoptimized), inline(always))]
     fn gap(&self, other: &Self) -> f32x8<S> {
         let (up, down) = (self.low - other.high, other.low - self.high);
         up.x.max(down.x).max(up.y.max(down.y)).max(up.z.max(down.z))
@@ -85,7 +85,7 @@ impl<S: Simd> BoxLanes<S> {
 }
 
 /// The f32 results for the pairs whose bits are set in `within`. `None` if one of them is in doubt.
-#[inline(always)]
+#[cfg_attr(not(unoptimized), inline(always))]
 pub(super) fn estimate<S: Simd>(rows: &[RowLanes<S>; 2], within: u32, limits: &Limits) -> Option<Estimate<S>> {
     let [a, b] = rows;
     let between = a.center() - b.center();
