@@ -169,8 +169,15 @@ fn name(mut sides: [Entity; 2]) -> [Entity; 2] {
     sides
 }
 
-fn track_contacts(store: Res<ContactStore>, active: Res<ActiveSurfaces>, mut sides: ResMut<TouchingSides>) {
+fn track_contacts(
+    store: Res<ContactStore>,
+    active: Res<ActiveSurfaces>,
+    entities: &Entities,
+    mut sides: ResMut<TouchingSides>,
+) {
     let TouchingSides { touching, started, ended } = &mut *sides;
+    // What was detected may have been despawned since.
+    let exist = |sides: [Entity; 2]| sides.into_iter().all(|side| entities.contains_spawned(side));
     let parted =
         |pair: &StoredPair| pair.nearest > f64::from(pair.contact_distance) * (1.0 + f64::from(EVENT_HYSTERESIS));
     let near: HashMap<[Entity; 2], &StoredPair> =
@@ -178,12 +185,14 @@ fn track_contacts(store: Res<ContactStore>, active: Res<ActiveSurfaces>, mut sid
     ended.clear();
     let taking_part = LazyCell::new(|| TakingPart::new(&active));
     touching.retain_mut(|pair| {
-        if let Some(stored) = near.get(&name(pair.sides)) {
+        let exist = exist(pair.sides);
+        if exist && let Some(stored) = near.get(&name(pair.sides)) {
             *pair = Touching::new(stored);
             return true;
         }
         pair.absent += 1;
-        let waits = pair.hold >= pair.absent
+        let waits = exist
+            && pair.hold >= pair.absent
             && taking_part.settings_of(pair.sides).is_some_and(|settings| {
                 (pair.events, pair.hold) = settings;
                 pair.hold >= pair.absent
@@ -195,7 +204,7 @@ fn track_contacts(store: Res<ContactStore>, active: Res<ActiveSurfaces>, mut sid
     });
     ended.sort_unstable_by_key(|pair| pair.order);
     let already: HashSet<[Entity; 2]> = touching.iter().map(|pair| name(pair.sides)).collect();
-    let touches = |pair: &&StoredPair| pair.nearest <= f64::from(pair.contact_distance);
+    let touches = |pair: &&StoredPair| pair.nearest <= f64::from(pair.contact_distance) && exist(sides_of(pair));
     started.clear();
     started.extend(store.pairs.iter().filter(touches).map(Touching::new));
     started.retain(|pair| !already.contains(&name(pair.sides)));

@@ -622,6 +622,33 @@ fn an_observer_that_despawns_the_other_side_stops_nothing() {
 }
 
 #[test]
+fn what_is_despawned_after_detection_ends_its_contacts_in_the_same_tick() {
+    #[derive(Resource, Default)]
+    struct Doomed(Vec<Entity>);
+    let doom = |mut commands: Commands, mut doomed: ResMut<Doomed>| {
+        doomed.0.drain(..).for_each(|entity| commands.entity(entity).despawn());
+    };
+    for held in [0, 3] {
+        let mut app = app();
+        keep_journal(&mut app, Update);
+        app.init_resource::<Doomed>();
+        app.add_systems(Update, doom.after(DeformableSystems::Detect).before(DeformableSystems::Events));
+        let (sheet, [first, second, ..]) = row_of_balls(&mut app);
+        insert(&mut app, sheet, ContactEventHold(held));
+        drop_ball(&mut app, first, 0.28);
+        app.update();
+        assert_eq!(messages(&mut app), [Started(sheet, first)]);
+        // One that touches, and one that comes into contact in the tick in which it goes.
+        drop_ball(&mut app, second, 0.28);
+        app.world_mut().resource_mut::<Doomed>().0 = vec![first, second];
+        app.update();
+        assert_eq!(messages(&mut app), [Ended(sheet, first)], "hold {held}");
+        app.update();
+        assert_eq!(messages(&mut app), []);
+    }
+}
+
+#[test]
 fn a_response_in_the_same_tick_reads_the_contacts_of_that_tick() {
     #[derive(Resource, Default)]
     struct Read(Vec<(u64, Option<f32>)>);
