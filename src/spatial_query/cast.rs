@@ -18,6 +18,7 @@ use crate::kernel::{
         shape_cast::{SolidScratch, SolidTriangleHit},
         solid::closest_on_solid,
     },
+    smooth::patch::Patch,
 };
 
 /// A hit, in the world.
@@ -65,8 +66,19 @@ impl SurfaceQuery<'_> {
         let (center, way, radius) = (center.as_dvec3(), direction.as_dvec3(), f64::from(radius));
         let mut first = First { found: None, range: f64::from(max_distance) };
         let sweep = Sweep { origin: center, direction: way, half_extents: DVec3::splat(radius) };
-        self.visit_swept(&sweep, &DAffine3::IDENTITY, filter, &mut first, |target, corners, first| {
-            let corners = corners.map(|corner| corner - center);
+        let ball = ShapeGeometry::Rounded { start: DVec3::ZERO, end: DVec3::ZERO, radius };
+        let mut scratch = SolidScratch::default();
+        self.visit_swept(&sweep, &DAffine3::from_translation(-center), filter, &mut first, |target, patch, first| {
+            if !patch.is_flat() {
+                if let Some(hit) = scratch.cast_patch(&ball, patch, -way, first.range) {
+                    let normal = if hit.distance > 0.0 { -hit.normal } else { -way };
+                    let normal = normal.try_normalize().unwrap_or_else(|| -way.normalize());
+                    let point = center + hit.point + way * hit.distance;
+                    first.offer(Found { target, distance: hit.distance, point, normal });
+                }
+                return;
+            }
+            let corners = patch.corners;
             if let Some(distance) = cast_ball(&corners, DVec3::ZERO, radius, way, first.range) {
                 let at = way * distance;
                 let closest = closest_on_triangle(&corners, at).point;
@@ -132,8 +144,13 @@ impl SurfaceQuery<'_> {
             }
         };
         let sweep = Sweep { origin, direction: way, half_extents };
-        self.visit_swept(&sweep, &solid.into, filter, &mut first, |target, corners, first| {
-            if let Some(hit) = scratch.cast(&solid.geometry, corners, 0.0, approach, first.range) {
+        self.visit_swept(&sweep, &solid.into, filter, &mut first, |target, patch, first| {
+            let hit = if patch.is_flat() {
+                scratch.cast(&solid.geometry, &patch.corners, 0.0, approach, first.range)
+            } else {
+                scratch.cast_patch(&solid.geometry, patch, approach, first.range)
+            };
+            if let Some(hit) = hit {
                 first.offer(found(target, hit));
             }
         });
@@ -172,18 +189,18 @@ impl SurfaceQuery<'_> {
         Ok(first.found.map(|found| self.shape_hit(&found)))
     }
 
-    /// Calls `visit` with the triangles that a box may meet on its way, in the frame that `into` leads to from the world.
+    /// Calls `visit` with the triangles or patches that a box may meet on its way, in the frame that `into` leads to from the world.
     fn visit_swept(
         &self,
         sweep: &Sweep,
         into: &DAffine3,
         filter: &SurfaceQueryFilter<'_>,
         first: &mut First,
-        mut visit: impl FnMut(Target, &[DVec3; 3], &mut First),
+        mut visit: impl FnMut(Target, &Patch, &mut First),
     ) {
         self.states.world_tree().cast(sweep, first.range, |surface| {
             let state = self.state(surface, filter)?;
-            let (pose, topology) = (state.pose()?, state.topology()?);
+            let (pose, side) = (state.pose()?, state.query_side()?);
             let inward = pose.inverse().to_affine();
             let [x, y, z] = [inward.matrix3.x_axis, inward.matrix3.y_axis, inward.matrix3.z_axis].map(DVec3::abs);
             let half = sweep.half_extents;
@@ -193,11 +210,8 @@ impl SurfaceQuery<'_> {
                 half_extents: x * half.x + y * half.y + z * half.z,
             };
             let all = *into * pose.to_affine();
-            let (triangles, positions) = (topology.triangles(), state.positions());
             state.query_tree().cast(&local, first.range, |triangle| {
-                let corners = triangles[triangle as usize]
-                    .map(|vertex| all.transform_point3(positions[vertex as usize].as_dvec3()));
-                visit(Target::Triangle { surface, triangle }, &corners, first);
+                visit(Target::Triangle { surface, triangle }, &Patch::of(&side, triangle).moved(&all), first);
                 Some(first.range)
             });
             Some(first.range)

@@ -6,11 +6,12 @@ use super::{ClosestPoint, SurfaceOverlap, SurfaceQuery, SurfaceQueryFilter};
 use crate::{
     detection::SurfaceState,
     kernel::{
-        mesh::{ids::TriangleId, side::rise},
+        mesh::{feature::Feature, ids::TriangleId, side::rise},
         query::{
-            closest::{ClosestOnTriangle, closest_on_triangle},
+            closest::{ClosestOnTriangle, closest_on_patch, closest_on_triangle},
             solid::closest_on_solid,
         },
+        smooth::{on_shape::PatchScratch, patch::Patch},
     },
 };
 
@@ -85,10 +86,16 @@ impl SurfaceQuery<'_> {
         let (entity, state) = self.states.active(found.surface);
         let ClosestOnTriangle { point: closest, barycentric, feature } = found.closest;
         let mut distance = found.squared.sqrt();
-        if let (true, Some(pose), Some(topology)) = (state.is_one_sided(), state.pose(), state.topology()) {
+        if let (true, Some(pose), Some(side)) = (state.is_one_sided(), state.pose(), state.query_side()) {
             // From the closest point, in the surface's own frame.
             let direction = pose.to_affine().matrix3.inverse() * -closest;
-            if rise(topology, state.positions(), found.triangle as usize, feature, direction) < 0.0 {
+            let rise = match feature {
+                Feature::Face if side.curved.is_some() => {
+                    Patch::of(&side, found.triangle).normal(&barycentric).dot(direction)
+                }
+                _ => rise(side.topology, side.positions, found.triangle as usize, feature, direction),
+            };
+            if rise < 0.0 {
                 distance = -distance;
             }
         }
@@ -157,14 +164,21 @@ fn visit_near(
     range: f64,
     mut visit: impl FnMut(u32, ClosestOnTriangle) -> Option<f64>,
 ) {
-    let (Some(pose), Some(topology)) = (state.pose(), state.topology()) else { return };
+    let (Some(pose), Some(side)) = (state.pose(), state.query_side()) else { return };
     let local = |range: f64| range / (pose.scale() * LEAST_STRETCH);
-    let affine = pose.to_affine();
-    let offset = affine.translation - point;
-    let (triangles, positions) = (topology.triangles(), state.positions());
+    let mut affine = pose.to_affine();
+    affine.translation -= point;
+    let mut scratch = PatchScratch::default();
+    let mut range = range;
     state.query_tree().nearest(pose.inverse().transform_point(point), local(range), |triangle| {
-        let corners =
-            triangles[triangle as usize].map(|vertex| affine.matrix3 * positions[vertex as usize].as_dvec3() + offset);
-        visit(triangle, closest_on_triangle(&corners, DVec3::ZERO)).map(local)
+        let patch = Patch::of(&side, triangle).moved(&affine);
+        let closest = if side.curved.is_none() {
+            closest_on_triangle(&patch.corners, DVec3::ZERO)
+        } else {
+            closest_on_patch(&patch, DVec3::ZERO, range, &mut scratch)?
+        };
+        let shorter = visit(triangle, closest);
+        range = shorter.unwrap_or(range);
+        shorter.map(local)
     });
 }

@@ -19,7 +19,7 @@ pub struct RayHit {
     pub distance: f32,
     /// The point, in the world.
     pub point: Vec3,
-    /// World unit normal of the triangle: its corners are counter-clockwise as seen from where it points, or clockwise if
+    /// World unit normal of the triangle, or of the patch at the point: its corners are counter-clockwise as seen from where it points, or clockwise if
     /// the pose is mirrored, so that it points out of a closed surface in either case. Out of the solid for a solid. If the
     /// triangle has no area, against the ray.
     pub normal: Vec3,

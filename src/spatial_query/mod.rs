@@ -35,7 +35,10 @@ use crate::{detection::SurfaceStates, surface::ActiveSurfaces};
 /// - Several systems may query at the same time. The first query after a surface has moved may have to refit its tree, if
 ///   nothing was near the surface in this tick. That takes time in proportion to its triangles.
 /// - What a response or the game moves after detection is seen there by the next one.
-/// - Surfaces are seen as flat triangles, also [smooth](crate::SurfaceShape::Smooth) ones.
+/// - [Smooth](crate::SurfaceShape::Smooth) surfaces are seen as their patches, which the first query after they have moved
+///   computes for all triangles. A ray is followed to within a millionth of a patch's height above its triangle. Closest
+///   points, overlaps, and casts of shapes search a patch, and may take a place that is closest nearby for the closest:
+///   a moving shape may then enter a patch by 0.004 of the size of the two.
 #[derive(SystemParam)]
 pub struct SurfaceQuery<'w> {
     states: Res<'w, SurfaceStates>,

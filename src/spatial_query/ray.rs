@@ -12,11 +12,12 @@ use crate::{
     detection::SurfaceState,
     kernel::{
         bvh::tree::Sweep,
-        mesh::{barycentric::point_at, ids::TriangleId},
+        mesh::ids::TriangleId,
         query::{
             ray::{RayTriangleHit, WatertightRay},
             solid::SolidLine,
         },
+        smooth::patch::Patch,
     },
     surface::ActiveShape,
 };
@@ -173,24 +174,24 @@ fn cast_at_surface(
     filter: &SurfaceQueryFilter<'_>,
     mut visit: impl FnMut(u32, RayTriangleHit) -> Option<f64>,
 ) {
-    let (Some(pose), Some(topology)) = (state.pose(), state.topology()) else { return };
+    let (Some(pose), Some(side)) = (state.pose(), state.query_side()) else { return };
     let into = pose.inverse();
     let (origin, direction) = (into.transform_point(ray.origin), into.to_affine().matrix3 * ray.direction);
     let Some(watertight) = WatertightRay::new(origin, direction) else { return };
-    let (triangles, positions) = (topology.triangles(), state.positions());
+    let is_seen = |hit: &RayTriangleHit| !(hit.is_back_face && filter.culls_back_faces);
     state.query_tree().cast(&Sweep { origin, direction, half_extents: DVec3::ZERO }, range, |triangle| {
-        let corners = triangles[triangle as usize].map(|vertex| positions[vertex as usize].as_dvec3());
-        let hit = watertight.hit(&corners).filter(|hit| !(hit.is_back_face && filter.culls_back_faces));
-        hit.and_then(|hit| visit(triangle, hit))
+        if side.curved.is_none() {
+            return watertight.hit(&side.corners(triangle)).filter(is_seen).and_then(|hit| visit(triangle, hit));
+        }
+        let hits = watertight.patch_hits(&Patch::of(&side, triangle)).into_iter().filter(is_seen);
+        hits.fold(None, |shorter, hit| visit(triangle, hit).or(shorter))
     });
 }
 
-/// A point of a triangle in the world, and the triangle's normal there, if it has one.
+/// A point of a triangle or patch in the world, and the normal there, if it has one.
 fn in_world(state: &SurfaceState, triangle: u32, barycentric: &[f64; 3]) -> (DVec3, Option<DVec3>) {
-    let (Some(pose), Some(topology)) = (state.pose(), state.topology()) else { return (DVec3::NAN, None) };
-    let corners = topology.triangles()[triangle as usize].map(|vertex| state.positions()[vertex as usize].as_dvec3());
-    let point = pose.transform_point(point_at(&corners, barycentric));
-    let turn = pose.to_affine().matrix3;
-    let normal = (turn * (corners[1] - corners[0])).cross(turn * (corners[2] - corners[0])).try_normalize();
-    (point, normal.map(|normal| if pose.is_mirrored() { -normal } else { normal }))
+    let (Some(pose), Some(side)) = (state.pose(), state.query_side()) else { return (DVec3::NAN, None) };
+    let patch = Patch::of(&side, triangle).moved(&pose.to_affine());
+    let normal = patch.normal(barycentric).try_normalize();
+    (patch.point(barycentric), normal.map(|normal| if pose.is_mirrored() { -normal } else { normal }))
 }

@@ -1,5 +1,7 @@
 //! What a box or a solid overlaps.
 
+use std::cell::OnceCell;
+
 use glam::{DAffine3, DQuat, DVec3, Quat, Vec3};
 use parry3d::shape::SharedShape;
 
@@ -11,6 +13,7 @@ use crate::{
         mesh::bounds::Aabb,
         pose::Pose,
         query::{box_overlap::box_overlaps_triangle, shape_cast::SolidScratch, solid::closest_on_solid},
+        smooth::patch::Patch,
     },
     surface::ActiveShape,
 };
@@ -67,25 +70,29 @@ impl SurfaceQuery<'_> {
         let center = (aabb.min.as_dvec3() + aabb.max.as_dvec3()) * 0.5;
         let half = aabb.max.as_dvec3() - center;
         let mut triangles: Vec<(u32, u32)> = Vec::new();
+        let (made, mut scratch) = (OnceCell::new(), SolidScratch::default());
+        let solid = || made.get_or_init(|| cuboid(center, half)).as_ref();
         self.visit_overlapping(aabb, filter, |surface, state, pose| {
             let reach = moved_box(aabb, &pose.inverse()).grown(0.0);
-            visit_triangles(state, &reach, |triangle, corners| {
-                let corners = corners.map(|corner| pose.transform_point(corner) - center);
-                if box_overlaps_triangle(half, &corners) {
+            let mut into = pose.to_affine();
+            into.translation -= center;
+            visit_triangles(state, &reach, |triangle, patch| {
+                let patch = patch.moved(&into);
+                let overlaps = if patch.is_flat() {
+                    box_overlaps_triangle(half, &patch.corners)
+                } else {
+                    solid().is_some_and(|solid| scratch.overlaps_patch(&solid.geometry, &patch))
+                };
+                if overlaps {
                     triangles.push((surface, triangle));
                 }
             });
         });
         self.name_triangles(&mut triangles, &mut found);
         if !self.active.shapes.is_empty()
-            && let Ok(Some(solid)) = PosedSolid::new(
-                &SharedShape::cuboid(half.x as f32, half.y as f32, half.z as f32),
-                Vec3::ZERO,
-                Quat::IDENTITY,
-            )
+            && let Some(solid) = solid()
         {
-            let pose = DAffine3::from_translation(center);
-            self.overlap_solids(&PosedSolid { pose, into: pose.inverse(), ..solid }, filter, &mut found);
+            self.overlap_solids(solid, filter, &mut found);
         }
         found
     }
@@ -114,9 +121,14 @@ impl SurfaceQuery<'_> {
         self.visit_overlapping(&solid.box_in(&DAffine3::IDENTITY), filter, |surface, state, pose| {
             let reach = solid.box_in(&pose.inverse().to_affine());
             let into = solid.into * pose.to_affine();
-            visit_triangles(state, &reach, |triangle, corners| {
-                let corners = corners.map(|corner| into.transform_point3(corner));
-                if scratch.overlaps(&solid.geometry, &corners, 0.0) {
+            visit_triangles(state, &reach, |triangle, patch| {
+                let patch = patch.moved(&into);
+                let overlaps = if patch.is_flat() {
+                    scratch.overlaps(&solid.geometry, &patch.corners, 0.0)
+                } else {
+                    scratch.overlaps_patch(&solid.geometry, &patch)
+                };
+                if overlaps {
                     triangles.push((surface, triangle));
                 }
             });
@@ -149,13 +161,18 @@ impl SurfaceQuery<'_> {
     }
 }
 
-/// Calls `visit` with the triangles of a surface whose boxes overlap a box, in the surface's own frame.
-fn visit_triangles(state: &SurfaceState, reach: &Aabb, mut visit: impl FnMut(u32, [DVec3; 3])) {
-    let Some(topology) = state.topology() else { return };
-    let (triangles, positions) = (topology.triangles(), state.positions());
-    state.query_tree().query(reach, |triangle| {
-        visit(triangle, triangles[triangle as usize].map(|vertex| positions[vertex as usize].as_dvec3()));
-    });
+/// An axis-aligned box in the world.
+fn cuboid(center: DVec3, half: DVec3) -> Option<PosedSolid> {
+    let [x, y, z] = half.as_vec3().to_array();
+    let solid = PosedSolid::new(&SharedShape::cuboid(x, y, z), Vec3::ZERO, Quat::IDENTITY).ok().flatten()?;
+    let pose = DAffine3::from_translation(center);
+    Some(PosedSolid { pose, into: pose.inverse(), ..solid })
+}
+
+/// Calls `visit` with the triangles or patches of a surface whose boxes overlap a box, in the surface's own frame.
+fn visit_triangles(state: &SurfaceState, reach: &Aabb, mut visit: impl FnMut(u32, Patch)) {
+    let Some(side) = state.query_side() else { return };
+    state.query_tree().query(reach, |triangle| visit(triangle, Patch::of(&side, triangle)));
 }
 
 /// Whether two solids overlap. Cylinders and cones among the shapes count as inscribed ones with 256 flat sides.

@@ -7,6 +7,7 @@ mod on_shapes;
 mod one_normal;
 mod plugin;
 mod properties;
+mod queries;
 mod spheres;
 mod surfaces;
 mod touching;

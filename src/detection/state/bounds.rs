@@ -127,6 +127,14 @@ impl TriangleBounds {
         Some(curved)
     }
 
+    /// The curved edges of a smooth surface with all patches, in the memory of others.
+    pub(in crate::detection) fn with_all_patches(&self, mut curved: CurvedEdges) -> CurvedEdges {
+        if let (Some(topology), Some(crease)) = (&self.topology, self.crease) {
+            curved.update(topology, &self.positions, crease);
+        }
+        curved
+    }
+
     /// How badly the mesh fits a smooth surface, once after it has become one.
     pub(in crate::detection) fn take_unevenness(&mut self) -> Option<f32> {
         self.unevenness.take()

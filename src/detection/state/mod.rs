@@ -9,7 +9,7 @@ use std::sync::OnceLock;
 use bevy_ecs::{entity::EntityHashMap, prelude::*};
 use glam::Vec3;
 
-use self::{bounds::TriangleBounds, queried::QueriedTree, rows::SurfaceRows, tree::SurfaceTree};
+use self::{bounds::TriangleBounds, queried::Queried, rows::SurfaceRows, tree::SurfaceTree};
 use crate::{
     kernel::{
         bvh::tree::BoxTree,
@@ -34,7 +34,7 @@ pub struct SurfaceState {
     pub(super) bounds: TriangleBounds,
     pub(super) tree: SurfaceTree,
     pub(super) rows: SurfaceRows,
-    pub(super) queried: QueriedTree,
+    pub(super) queried: Queried,
     /// Whether it had an inside in the last detection.
     pub(super) one_sided: bool,
     /// By which layers queries filter it.
@@ -82,6 +82,13 @@ impl SurfaceState {
     /// The tree over the current triangle boxes, brought up to date now if no stage has needed that.
     pub(crate) fn query_tree(&self) -> &BoxTree {
         self.queried.tree(&self.tree, &self.bounds)
+    }
+
+    /// The triangles in the surface's own frame, with the patches over all of them if it is smooth. Those are computed now
+    /// if no query has needed them. `None` before the first detection.
+    pub(crate) fn query_side(&self) -> Option<SurfaceSide<'_>> {
+        let curved = self.queried.patches(&self.bounds);
+        Some(SurfaceSide { curved, ..SurfaceSide::flat(self.topology()?, self.positions()) })
     }
 
     /// Whether the surface is smooth.

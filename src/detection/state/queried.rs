@@ -1,46 +1,53 @@
-//! The tree that queries search where the broad phase has left its own tree behind, and the tree over all surfaces.
+//! What queries of a surface need beyond what was detected: a tree, where the broad phase has left its own behind, and the
+//! patches of a smooth surface that nothing was near.
 //!
 //! Made when a query first needs it. Queries share the results of a detection, so it is brought up to date behind a
-//! shared reference. It never becomes the tree of the broad phase: what was asked does not change what is detected.
+//! shared reference. It never becomes that of a stage: what was asked does not change what is detected.
 
-use std::{
-    mem,
-    sync::{Arc, Mutex, OnceLock, PoisonError},
-};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 use super::{bounds::TriangleBounds, tree::SurfaceTree};
-use crate::kernel::{bvh::tree::BoxTree, mesh::topology::SurfaceTopology};
+use crate::kernel::{
+    bvh::tree::BoxTree,
+    mesh::{curved_edges::CurvedEdges, topology::SurfaceTopology},
+};
 
 /// A tree whose boxes have grown by this factor is rebuilt before it is searched. A rebuild takes several times as long
 /// as a refit, so a moderately decayed tree is searched as it is.
 const MOST_DECAY: f32 = 2.0;
 
-/// For how many changes of the surface an unused tree is kept.
+/// For how many changes of the surface what no query has needed is kept.
 const KEPT_UNUSED: u32 = 60;
 
-/// The tree for queries.
+/// The tree and the patches for queries.
 #[derive(Default)]
-pub(in crate::detection) struct QueriedTree {
-    /// The tree over the current boxes, if a query has needed it.
-    current: OnceLock<KeptTree>,
-    /// The tree over earlier boxes.
-    last: Mutex<Option<KeptTree>>,
-    /// How often the surface has changed since a query has needed a tree.
+pub(in crate::detection) struct Queried {
+    tree: OfVersion<KeptTree>,
+    patches: OfVersion<CurvedEdges>,
+}
+
+/// What a query has computed from one version of a surface.
+struct OfVersion<T> {
+    /// Of the current version, if a query has needed it.
+    current: OnceLock<T>,
+    /// Of an earlier version.
+    last: Mutex<Option<T>>,
+    /// How often the surface has changed since a query has needed it.
     unused: u32,
 }
 
-/// A tree, and the mesh that it is over.
-struct KeptTree {
-    tree: BoxTree,
-    topology: Option<Arc<SurfaceTopology>>,
+impl<T> Default for OfVersion<T> {
+    fn default() -> Self {
+        Self { current: OnceLock::new(), last: Mutex::new(None), unused: 0 }
+    }
 }
 
-impl QueriedTree {
-    /// Forgets that the tree is current, after the surface has changed.
-    pub(in crate::detection) fn retire(&mut self) {
+impl<T> OfVersion<T> {
+    /// Forgets that it is current, after the surface has changed.
+    fn retire(&mut self) {
         let last = self.last.get_mut().unwrap_or_else(PoisonError::into_inner);
-        if let Some(tree) = self.current.take() {
-            (*last, self.unused) = (Some(tree), 0);
+        if let Some(current) = self.current.take() {
+            (*last, self.unused) = (Some(current), 0);
         } else if last.is_some() {
             self.unused += 1;
             if self.unused > KEPT_UNUSED {
@@ -49,18 +56,43 @@ impl QueriedTree {
         }
     }
 
+    /// That of the current version, made from that of an earlier one. On this thread alone: a task that another thread waits
+    /// for must not wait for it.
+    fn current(&self, make: impl FnOnce(Option<T>) -> T) -> &T {
+        self.current.get_or_init(|| make(self.last.lock().unwrap_or_else(PoisonError::into_inner).take()))
+    }
+}
+
+/// A tree, and the mesh that it is over.
+struct KeptTree {
+    tree: BoxTree,
+    topology: Option<Arc<SurfaceTopology>>,
+}
+
+impl Queried {
+    /// Forgets everything, after the surface has changed.
+    pub(in crate::detection) fn retire(&mut self) {
+        self.tree.retire();
+        self.patches.retire();
+    }
+
     /// The tree over the current boxes: that of the broad phase if it is up to date.
     pub(in crate::detection) fn tree<'a>(&'a self, own: &'a SurfaceTree, bounds: &TriangleBounds) -> &'a BoxTree {
         if own.matches_boxes(bounds) {
             return own.tree();
         }
-        // On this thread alone: a task that another thread waits for must not wait for this tree.
-        &self.current.get_or_init(|| self.made(own, bounds)).tree
+        &self.tree.current(|last| KeptTree::made(last, own, bounds)).tree
     }
 
-    fn made(&self, own: &SurfaceTree, bounds: &TriangleBounds) -> KeptTree {
+    /// The curved edges of a smooth surface, with all patches. `None` if it is flat.
+    pub(in crate::detection) fn patches(&self, bounds: &TriangleBounds) -> Option<&CurvedEdges> {
+        bounds.curved().map(|_| self.patches.current(|last| bounds.with_all_patches(last.unwrap_or_default())))
+    }
+}
+
+impl KeptTree {
+    fn made(last: Option<Self>, own: &SurfaceTree, bounds: &TriangleBounds) -> Self {
         let boxes = bounds.triangles();
-        let last = mem::take(&mut *self.last.lock().unwrap_or_else(PoisonError::into_inner));
         let is_same =
             |topology: &Option<Arc<SurfaceTopology>>| topology.as_ref().is_some_and(|topology| bounds.is_of(topology));
         let last = last.filter(|kept| is_same(&kept.topology));
@@ -73,6 +105,6 @@ impl QueriedTree {
         if tree.len() != boxes.len() || tree.decay() > MOST_DECAY {
             tree.rebuild(boxes);
         }
-        KeptTree { tree, topology: bounds.topology().cloned() }
+        Self { tree, topology: bounds.topology().cloned() }
     }
 }

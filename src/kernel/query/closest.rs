@@ -1,11 +1,15 @@
-//! The point of a triangle that is closest to another point.
+//! The point of a triangle or patch that is closest to another point.
 
 use glam::DVec3;
 
-use crate::kernel::mesh::{
-    barycentric::{barycentric_of, corner_weights, edge_weights},
-    feature::Feature,
-    side::closest_feature,
+use crate::kernel::{
+    exact::rigid_shape::ShapeGeometry,
+    mesh::{
+        barycentric::{barycentric_of, corner_weights, edge_weights},
+        feature::Feature,
+        side::closest_feature,
+    },
+    smooth::{on_shape::PatchScratch, patch::Patch},
 };
 
 /// The point of a triangle that is closest to another point.
@@ -33,4 +37,26 @@ pub fn closest_on_triangle(corners: &[DVec3; 3], point: DVec3) -> ClosestOnTrian
         Feature::Face => barycentric_of(corners, closest),
     };
     ClosestOnTriangle { point: closest, barycentric, feature }
+}
+
+/// The point of a patch that is closest to `point`. `None` if it is farther away than `range`.
+pub fn closest_on_patch(
+    patch: &Patch,
+    point: DVec3,
+    range: f64,
+    scratch: &mut PatchScratch,
+) -> Option<ClosestOnTriangle> {
+    let on_triangle = closest_on_triangle(&patch.corners, point).point.distance(point);
+    let height = patch.height();
+    if on_triangle - height > range {
+        return None;
+    }
+    let at = ShapeGeometry::Rounded { start: point, end: point, radius: 0.0 };
+    // In range for certain, and finite.
+    let closest = scratch.closest(patch, &at, on_triangle + height)?;
+    (closest.distance <= range).then(|| ClosestOnTriangle {
+        point: patch.point(&closest.barycentric),
+        barycentric: closest.barycentric,
+        feature: closest.feature,
+    })
 }

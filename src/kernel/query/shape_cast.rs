@@ -5,13 +5,25 @@
 
 use glam::DVec3;
 
-use crate::kernel::exact::{
-    PairProximity,
-    rigid_shape::{ShapeGeometry, ShapeProximity},
+use crate::kernel::{
+    exact::{
+        PairProximity,
+        rigid_shape::{ShapeGeometry, ShapeProximity},
+    },
+    smooth::{on_shape::PatchScratch, patch::Patch},
 };
 
 /// The most steps. Between flat faces one is enough.
 const STEPS: usize = 64;
+
+/// The most steps towards a patch.
+const PATCH_STEPS: usize = 256;
+
+/// A patch may be this much closer at another place than at the one that was found, relative to the coordinates.
+const PATCH_SLACK: f64 = 4.0e-3;
+
+/// Distances of patches below this, relative to the coordinates, are 0.
+const PATCH_ROUNDING: f64 = 1.0e-7;
 
 /// Distances below this, relative to the coordinates, are 0.
 const ROUNDING: f64 = 32.0 * f64::EPSILON;
@@ -32,6 +44,7 @@ pub struct SolidTriangleHit {
 pub struct SolidScratch {
     pair: PairProximity,
     found: Vec<ShapeProximity>,
+    of_patch: PatchScratch,
 }
 
 impl SolidScratch {
@@ -46,6 +59,59 @@ impl SolidScratch {
     pub fn overlaps(&mut self, solid: &ShapeGeometry, corners: &[DVec3; 3], radius: f64) -> bool {
         self.found.clear();
         solid.examine(corners, radius, &mut self.pair, &mut self.found) <= radius
+    }
+
+    /// Whether a solid shares a point with a patch.
+    pub fn overlaps_patch(&mut self, solid: &ShapeGeometry, patch: &Patch) -> bool {
+        self.of_patch.overlaps(patch, solid)
+    }
+
+    /// When a patch that moves along `direction` first meets a solid, up to `range` lengths of the direction.
+    ///
+    /// It begins where the triangle comes within the height of the patch, and moves on by as much as both are apart, which
+    /// never passes a contact.
+    pub fn cast_patch(
+        &mut self,
+        solid: &ShapeGeometry,
+        patch: &Patch,
+        direction: DVec3,
+        range: f64,
+    ) -> Option<SolidTriangleHit> {
+        let height = patch.height();
+        let start = self.cast(solid, &patch.corners, height, direction, range)?;
+        let mut moved = start.distance;
+        let (bounds, speed) = (solid.bounds()?, direction.length());
+        let reach = bounds.min.abs().max(bounds.max.abs()).as_dvec3().length();
+        let size = patch.corners.iter().fold(reach, |size, corner| size.max((*corner - patch.corners[0]).length()));
+        // Both have parted for good once they have passed each other.
+        let farthest = 2.0 * (2.0 * size + reach + height);
+        let last = range.min(moved + farthest / speed);
+        // Where they touch, the direction between them is no longer known, but the last one before is.
+        let mut last_normal = start.normal;
+        let mut clear = moved;
+        for _ in 0..PATCH_STEPS {
+            let way = direction * moved;
+            let at = Patch { corners: patch.corners.map(|corner| corner + way), offsets: patch.offsets };
+            let closest = self.of_patch.closest_of_all(&at, solid, farthest, PATCH_SLACK * size)?;
+            let rounding = PATCH_ROUNDING * size;
+            if closest.distance > rounding {
+                if closest.normal.dot(direction) < 0.0 {
+                    last_normal = closest.normal;
+                }
+                clear = moved;
+                moved += closest.distance / speed;
+            } else if closest.distance < -rounding && moved > clear {
+                // Another place was closer.
+                moved = 0.5 * (clear + moved);
+            } else {
+                return Some(SolidTriangleHit { distance: moved, point: closest.shape_point, normal: last_normal });
+            }
+            if clear > last {
+                return None;
+            }
+        }
+        // It grazes the patch, or misses it by next to nothing.
+        None
     }
 
     /// When a triangle that moves along `direction` first comes within `radius` of a solid, up to `range` lengths of the

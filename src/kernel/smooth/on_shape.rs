@@ -9,7 +9,7 @@
 
 use glam::{DVec2, DVec3};
 
-use super::patch::{Local, Patch};
+use super::patch::{Local, Patch, PatchPart};
 use crate::kernel::{
     exact::{
         PairProximity,
@@ -40,6 +40,78 @@ const FACING: f64 = 0.02;
 
 /// The middles of the edges, by weights.
 const MIDDLES: [[f64; 3]; 3] = [[0.5, 0.5, 0.0], [0.0, 0.5, 0.5], [0.5, 0.0, 0.5]];
+
+/// Memory for tests of single patches.
+#[derive(Default)]
+pub struct PatchScratch {
+    pair: PairProximity,
+    on_tangents: Vec<ShapeProximity>,
+    of_triangle: Vec<ShapeProximity>,
+}
+
+impl PatchScratch {
+    /// Where a patch is closest to a shape, or deepest in it. `None` if they are farther apart than `range`.
+    ///
+    /// From where the triangle is closest, the search leads to a place where the patch is closest nearby, which need not be
+    /// the closest of all.
+    pub fn closest(&mut self, patch: &Patch, shape: &ShapeGeometry, range: f64) -> Option<ShapeProximity> {
+        self.nearby(patch, shape, range).map(|place| place.proximity(patch))
+    }
+
+    /// Like [`closest`](Self::closest), and no other place is closer by a quarter of the distance and by more than `slack`.
+    pub fn closest_of_all(
+        &mut self,
+        patch: &Patch,
+        shape: &ShapeGeometry,
+        range: f64,
+        slack: f64,
+    ) -> Option<ShapeProximity> {
+        let mut place = self.nearby(patch, shape, range)?;
+        loop {
+            let distance = place.foot.distance;
+            let closer = (distance > slack).then(|| distance - slack.max(0.25 * distance));
+            let closer = closer.and_then(|closer| closer_than(&PatchPart::whole(*patch), shape, closer));
+            let Some(start) = closer else { return Some(place.proximity(patch)) };
+            let Self { pair, on_tangents, .. } = self;
+            place = Search { patch, shape, scratch: pair, on_tangents }.descend(start);
+        }
+    }
+
+    /// Whether a patch shares a point with a shape.
+    pub fn overlaps(&mut self, patch: &Patch, shape: &ShapeGeometry) -> bool {
+        self.nearby(patch, shape, patch.height()).is_some_and(|place| place.foot.distance <= 0.0)
+            || closer_than(&PatchPart::whole(*patch), shape, 0.0).is_some()
+    }
+
+    fn nearby(&mut self, patch: &Patch, shape: &ShapeGeometry, range: f64) -> Option<Place> {
+        let Self { pair, on_tangents, of_triangle } = self;
+        of_triangle.clear();
+        shape.examine(&patch.corners, range + patch.height(), pair, of_triangle);
+        let place =
+            (!of_triangle.is_empty()).then(|| Search { patch, shape, scratch: pair, on_tangents }.nearest(of_triangle));
+        place.filter(|place| place.foot.distance <= range)
+    }
+}
+
+/// Parts of a patch that are smaller than this, by their weights, are not searched for a place any more.
+const LEAST_PART: f64 = 1.0 / 512.0;
+
+/// The weights of a place of a patch that is within `distance` of a shape, if there is one. The distance of a shape changes
+/// by no more than a point moves, so most parts are seen to be farther away.
+fn closer_than(part: &PatchPart, shape: &ShapeGeometry, distance: f64) -> Option<[f64; 3]> {
+    const CENTER: [f64; 3] = [1.0 / 3.0; 3];
+    let center = part.patch.point(&CENTER);
+    let own = shape.foot(center).distance;
+    if own <= distance {
+        return Some(part.in_whole(&CENTER));
+    }
+    let reach = part.patch.corners.iter().fold(0.0_f64, |most, corner| most.max(corner.distance(center)));
+    // Its points are between its corners, or above that by at most its height.
+    if own - reach - part.patch.height() > distance || part.size() < LEAST_PART {
+        return None;
+    }
+    part.halved().iter().find_map(|part| closer_than(part, shape, distance))
+}
 
 /// Like [`shape_pairs`], for the patches of a smooth surface.
 pub fn patch_shape_pairs(
@@ -73,18 +145,7 @@ fn refine(
     (scratch, on_tangents): (&mut PairProximity, &mut Vec<ShapeProximity>),
     proximities: &mut Vec<ShapeProximity>,
 ) -> f64 {
-    let mut search = Search { patch, shape, scratch, on_tangents };
-    let start = closest_of(proximities).map_or([1.0, 0.0, 0.0], |closest| closest.barycentric);
-    let mut nearest = search.descend(start);
-    let others = if nearest.model(patch).may_have_others() { &MIDDLES[..] } else { &[] };
-    // Other parts of a compound may be closer.
-    let of_parts = proximities.iter().filter(|_| matches!(shape, ShapeGeometry::Compound(_)));
-    for start in of_parts.map(|proximity| proximity.barycentric).chain(others.iter().copied()) {
-        let other = search.descend(start);
-        if other.foot.distance < nearest.foot.distance {
-            nearest = other;
-        }
-    }
+    let nearest = Search { patch, shape, scratch, on_tangents }.nearest(proximities);
     let is_apart = nearest.foot.distance > 0.0;
     proximities.retain_mut(|proximity| {
         // Whether surfaces cross is decided by the patch.
@@ -156,6 +217,32 @@ struct Search<'a> {
 }
 
 impl Search<'_> {
+    /// The place where the patch is closest, given those of its triangle.
+    fn nearest(&mut self, proximities: &[ShapeProximity]) -> Place {
+        let start = closest_of(proximities).map_or([1.0, 0.0, 0.0], |closest| closest.barycentric);
+        let mut nearest = self.descend(start);
+        let others = if nearest.model(self.patch).may_have_others() { &MIDDLES[..] } else { &[] };
+        // Other parts of a compound may be closer.
+        let of_parts = proximities.iter().filter(|_| matches!(self.shape, ShapeGeometry::Compound(_)));
+        for start in of_parts.map(|proximity| proximity.barycentric).chain(others.iter().copied()) {
+            let other = self.descend(start);
+            if other.foot.distance < nearest.foot.distance {
+                nearest = other;
+            }
+        }
+        // The triangle may cross the shape where the patch does not, and the other way around.
+        for crossing in proximities.iter().filter(|proximity| proximity.crossing) {
+            if nearest.foot.distance <= 0.0 {
+                break;
+            }
+            let other = self.descend(crossing.barycentric);
+            if other.foot.distance < nearest.foot.distance {
+                nearest = other;
+            }
+        }
+        nearest
+    }
+
     fn at(&self, weights: [f64; 3]) -> Place {
         Place { weights, foot: self.shape.foot(self.patch.point(&weights)) }
     }
