@@ -16,7 +16,7 @@ use bevy_camera::{
     visibility::{InheritedVisibility, ViewVisibility},
 };
 use bevy_circumsphere::prelude::*;
-use bevy_ecs::{prelude::*, system::RunSystemOnce};
+use bevy_ecs::system::RunSystemOnce;
 use bevy_math::{Dir3, Vec3, Vec3A};
 use bevy_mesh::{Indices, Mesh, Mesh3d, MeshPlugin, PrimitiveTopology, VertexAttributeValues};
 use bevy_picking::mesh_picking::ray_cast::{MeshRayCast, MeshRayCastSettings, RayCastVisibility};
