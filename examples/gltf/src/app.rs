@@ -57,7 +57,7 @@ pub fn character_app(folder: &Path, cast: Cast) -> App {
         MeshPlugin,
         ImagePlugin::default(),
         AnimationPlugin,
-        GltfPlugin::default().add_custom_vertex_attribute(file::PAINT, XpbdGarment::ATTRIBUTE_FREEDOM),
+        GltfPlugin::default().add_custom_vertex_attribute(&file::PAINT[1..], XpbdGarment::ATTRIBUTE_FREEDOM),
     ))
     // After the animations, which Bevy plays in `PostUpdate`.
     .add_plugins((DeformableCollisionPlugins::new(PostUpdate), XpbdResponsePlugin::new(PostUpdate)))

@@ -20,7 +20,7 @@ pub const DURATION: usize = 5;
 pub const SKIN: &str = "Skin";
 pub const SKIRT: &str = "Skirt";
 
-/// The attribute that may say how far the vertices of the skirt get from the skin.
+/// The attribute that may say how far the vertices of the skirt get from the skin. Bevy leaves the underscore out.
 pub const PAINT: &str = "_GARMENT";
 
 /// The rings and segments of the skirt.

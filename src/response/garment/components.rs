@@ -94,9 +94,9 @@ impl Default for XpbdGarment {
 }
 
 impl XpbdGarment {
-    /// The attribute of [`GarmentPaint::Attribute`], one `Float32` for each vertex. To load it from glTF, where the name
-    /// of an attribute of one's own begins with an underscore, register it with the loader:
-    /// `GltfPlugin::default().add_custom_vertex_attribute("_GARMENT", XpbdGarment::ATTRIBUTE_FREEDOM)`.
+    /// The attribute of [`GarmentPaint::Attribute`], one `Float32` for each vertex. To load an
+    /// attribute `_GARMENT` from glTF, register it with the loader, without the underscore:
+    /// `GltfPlugin::default().add_custom_vertex_attribute("GARMENT", XpbdGarment::ATTRIBUTE_FREEDOM)`.
     pub const ATTRIBUTE_FREEDOM: MeshVertexAttribute =
         MeshVertexAttribute::new("Vertex_GarmentFreedom", 0x6761_726d_656e_7431, VertexFormat::Float32);
 
