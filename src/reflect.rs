@@ -53,6 +53,7 @@ impl Plugin for ReflectPlugin {
         register!(app:
             crate::surface::DrivenMesh, crate::surface::SurfaceFromMesh, crate::surface::SurfaceFromMeshHierarchy,
             crate::surface::SurfaceMeshNotWritten, crate::surface::WriteSurfaceToMesh,
+            crate::response::XpbdGarment, crate::response::XpbdGarmentNotWorn, crate::response::XpbdGarments,
         );
         #[cfg(feature = "gizmos")]
         register!(app: crate::debug::DeformableGizmos);

@@ -54,7 +54,7 @@ fn sources(folder: &Path, found: &mut Vec<(&'static str, String)>) {
         let path = entry.expect("its entries can be read").path();
         if path.is_dir() {
             let is_built = (cfg!(feature = "rerun") || !path.ends_with("debug"))
-                && (cfg!(feature = "mesh") || !path.ends_with("surface/mesh"));
+                && (cfg!(feature = "mesh") || !(path.ends_with("surface/mesh") || path.ends_with("response/garment")));
             if is_built {
                 sources(&path, found);
             }

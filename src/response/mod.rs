@@ -119,6 +119,8 @@
 mod body;
 mod contact;
 mod forces;
+#[cfg(feature = "mesh")]
+mod garment;
 mod gather;
 mod guard;
 mod history;
@@ -154,6 +156,8 @@ use crate::{
 };
 pub use body::{SurfaceFriction, XpbdBody, XpbdBodyError, XpbdMaterial};
 pub use forces::{SurfaceForces, SurfaceWind};
+#[cfg(feature = "mesh")]
+pub use garment::{GarmentPaint, XpbdGarment, XpbdGarmentError, XpbdGarmentNotWorn, XpbdGarments};
 #[cfg(test)]
 pub(crate) use history::PARTS as HISTORY_PARTS;
 pub(crate) use history::ResponseHistory;
@@ -196,6 +200,8 @@ impl Plugin for XpbdResponsePlugin {
             .init_resource::<sleep::Sleep>();
         // The guard sweeps bodies by itself.
         app.init_resource::<ImpactsRead>();
+        #[cfg(feature = "mesh")]
+        garment::build(app, self.schedule);
         app.add_systems(
             self.schedule,
             (

@@ -36,6 +36,8 @@ pub use mesh::{
     DrivenMesh, SurfaceFromMesh, SurfaceFromMeshHierarchy, SurfaceJoints, SurfaceMeshError, SurfaceMeshNotWritten,
     SurfaceMeshPlugin, SurfaceSettings, WriteSurfaceToMesh,
 };
+#[cfg(feature = "mesh")]
+pub(crate) use mesh::{MeshSystems, OwnMeshes};
 pub(crate) use pair_filter::{FilterSide, PairFilter};
 pub use prepare::SurfacePlugin;
 pub(crate) use prepare::{GatherSurfaces, PendingQuarantines, Transforms};

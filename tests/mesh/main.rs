@@ -4,6 +4,7 @@
 
 mod deformed;
 mod driven;
+mod garments;
 mod hierarchy;
 mod joints;
 mod layouts;

@@ -10,7 +10,7 @@ use bevy_asset::{AssetPlugin, AssetServer, Assets, Handle, LoadState};
 use bevy_circumsphere::{
     RayHit,
     prelude::*,
-    response::{XpbdBody, XpbdMaterial, XpbdResponsePlugin, XpbdTethers},
+    response::{XpbdGarment, XpbdGarments, XpbdResponsePlugin},
 };
 use bevy_ecs::{prelude::*, system::RunSystemOnce};
 use bevy_gltf::{Gltf, GltfPlugin};
@@ -21,14 +21,7 @@ use bevy_transform::TransformPlugin;
 use bevy_world_serialization::{WorldAssetRoot, WorldSerializationPlugin};
 use glam::Vec3;
 
-/// Distance that a garment keeps from the skin, in meters.
-const CLEARANCE: f32 = 0.004;
-
-/// The height below the upper edge of a garment that is pinned to the skin, in meters, and how far a vertex may get
-/// from its place on the skin: just below, and per meter below that.
-const PINNED: f32 = 0.001;
-const LONGEST: f32 = 0.05;
-const LONGER: f32 = 1.0;
+use crate::file;
 
 /// Updates after which a file that has not been loaded never will be.
 const PATIENCE: usize = 10_000;
@@ -44,7 +37,7 @@ const DISTANCE: f32 = 10.0;
 pub struct Cast {
     /// The name of the mesh that wears the garment.
     pub skin: String,
-    /// The name of the mesh that is a garment. Without it, all meshes move by their animation only.
+    /// The name of the mesh that becomes its garment. Without it, all meshes move by their animation only.
     pub garment: Option<String>,
 }
 
@@ -64,14 +57,14 @@ pub fn character_app(folder: &Path, cast: Cast) -> App {
         MeshPlugin,
         ImagePlugin::default(),
         AnimationPlugin,
-        GltfPlugin::default(),
+        GltfPlugin::default().add_custom_vertex_attribute(&file::PAINT[1..], XpbdGarment::ATTRIBUTE_FREEDOM),
     ))
     // After the animations, which Bevy plays in `PostUpdate`.
     .add_plugins((DeformableCollisionPlugins::new(PostUpdate), XpbdResponsePlugin::new(PostUpdate)))
     .configure_sets(PostUpdate, DeformableSystems::Prepare.after(AnimationSystems))
     .insert_resource(TimeUpdateStrategy::ManualDuration(Duration::ZERO))
     .insert_resource(cast)
-    .add_systems(Update, (animate, dress).run_if(resource_exists::<Loaded>));
+    .add_systems(Update, animate.run_if(resource_exists::<Loaded>));
     app.finish();
     app.cleanup();
     app
@@ -100,10 +93,16 @@ pub fn load(app: &mut App, file: &str) -> Result<(), String> {
     let scene = gltf.and_then(|gltf| gltf.scenes.first().cloned()).ok_or_else(|| format!("{file}: it has no scene"))?;
     let surfaces = SurfaceFromMesh::default()
         .with_settings(SurfaceSettings { thickness: Some(THICKNESS), ..SurfaceSettings::default() });
-    app.world_mut().spawn((WorldAssetRoot(scene), SurfaceFromMeshHierarchy::new(surfaces)));
+    // The garment hangs from the waist of the skin.
+    let Cast { skin, garment } = app.world().resource::<Cast>().clone();
+    let mut garments = XpbdGarments::worn_by(skin);
+    if let Some(garment) = garment {
+        garments = garments.with_name(garment, XpbdGarment::default());
+    }
+    app.world_mut().spawn((WorldAssetRoot(scene), SurfaceFromMeshHierarchy::new(surfaces), garments));
     app.insert_resource(Loaded(handle));
-    // One to spawn the scene, one to make surfaces, one to dress.
-    for _ in 0..3 {
+    // One to spawn the scene, one to make surfaces and to dress.
+    for _ in 0..2 {
         app.update();
     }
     app.insert_resource(TimeUpdateStrategy::ManualDuration(Duration::from_nanos(1_000_000_000 / 60)));
@@ -156,33 +155,4 @@ fn animate(
         player.play(walk);
         commands.entity(entity).insert(AnimationGraphHandle(graphs.add(graph)));
     }
-}
-
-/// Turns the garment into cloth that the skin wears: its upper edge is pinned, the rest hangs.
-fn dress(
-    mut commands: Commands,
-    cast: Res<Cast>,
-    surfaces: Query<(Entity, &Name, &DeformableSurface, &SurfacePositions, Has<XpbdBody>)>,
-) {
-    let find = |wanted: &str| surfaces.iter().find(|(_, name, ..)| name.as_str() == wanted);
-    let garment = cast.garment.as_ref().and_then(|name| find(name)).filter(|(.., is_body)| !is_body);
-    let (Some((garment, _, cloth, positions, _)), Some((skin, _, surface, skin_positions, _))) =
-        (garment, find(&cast.skin))
-    else {
-        return;
-    };
-    // An error would be one of the surface, which has been accepted.
-    let Ok(body) = XpbdBody::new(cloth, positions, XpbdMaterial::CLOTH) else { return };
-    let (at, skin) = (&positions.0, (skin, (&*skin_positions.0, surface.topology().triangles())));
-    let mut tethers = XpbdTethers::to_surface(skin.0, skin.1, at, f32::INFINITY, CLEARANCE);
-    let top = at.iter().map(|point| point.y).fold(f32::NEG_INFINITY, f32::max);
-    for tether in &mut tethers.tethers {
-        let below = top - at[tether.vertex.index()].y;
-        if below <= PINNED {
-            (tether.longest, tether.backstop) = (0.0, f32::INFINITY);
-        } else {
-            tether.longest = LONGEST + LONGER * below;
-        }
-    }
-    commands.entity(garment).insert((body, tethers, SelfCollision, SweptCollision, WriteSurfaceToMesh::default()));
 }

@@ -20,6 +20,9 @@ pub const DURATION: usize = 5;
 pub const SKIN: &str = "Skin";
 pub const SKIRT: &str = "Skirt";
 
+/// The attribute that may say how far the vertices of the skirt get from the skin. Bevy leaves the underscore out.
+pub const PAINT: &str = "_GARMENT";
+
 /// The rings and segments of the skirt.
 pub const SKIRT_SIZE: (usize, usize) = (20, 48);
 
@@ -94,6 +97,18 @@ fn normals(mesh: &Mesh) -> Vec<[f32; 3]> {
 /// character at time 0. The same bytes on every platform.
 #[must_use]
 pub fn character_file() -> Vec<u8> {
+    write(|_| json!({}))
+}
+
+/// The same with a number painted on each vertex of the skirt, in the attribute [`PAINT`].
+#[must_use]
+pub fn painted_character_file(paint: &[f32]) -> Vec<u8> {
+    let values: Vec<[f32; 1]> = paint.iter().map(|&value| [value]).collect();
+    write(|buffer| json!({ PAINT: buffer.add_floats(&values, "SCALAR") }))
+}
+
+/// Writes a file with these attributes of the skirt, beside positions and normals.
+fn write(skirt_attributes: impl FnOnce(&mut Buffer) -> Value) -> Vec<u8> {
     let character = character();
     let mut buffer = Buffer::default();
     let shares: Vec<f32> = character.leg_shares().iter().map(|&share| share as f32).collect();
@@ -104,7 +119,8 @@ pub fn character_file() -> Vec<u8> {
         "WEIGHTS_0": buffer.add_floats(&influences, "VEC4"),
     });
     let skin = buffer.add_mesh(SKIN, character.rest(), attributes);
-    let skirt = buffer.add_mesh(SKIRT, &character_skirt(SKIRT_SIZE.0, SKIRT_SIZE.1), json!({}));
+    let attributes = skirt_attributes(&mut buffer);
+    let skirt = buffer.add_mesh(SKIRT, &character_skirt(SKIRT_SIZE.0, SKIRT_SIZE.1), attributes);
     let (hip, _) = character.leg_pose(0.0);
     let bind_poses = [Mat4::IDENTITY, Mat4::from_translation(-Vec3::from(hip))].map(|pose| pose.to_cols_array());
     let bind_poses = buffer.add_floats(&bind_poses, "MAT4");

@@ -3,7 +3,11 @@
 use std::path::{Path, PathBuf};
 
 use bevy_app::App;
-use bevy_circumsphere::{ContactStore, SurfaceDetection, SurfaceDetectionSystems, prelude::*};
+use bevy_circumsphere::{
+    ContactStore, SurfaceDetection, SurfaceDetectionSystems,
+    prelude::*,
+    response::{XpbdGarment, XpbdTethers},
+};
 use bevy_ecs::prelude::*;
 use circumsphere_gltf::{Cast, character_app, file, load, shoot};
 use circumsphere_truth::{compare, exact_weld, touching_pairs_between_tree, touching_pairs_tree, triangles_cross};
@@ -117,6 +121,24 @@ fn contacts_are_those_of_the_truth_and_nothing_crosses() {
     println!("{matched:?} pairs matched");
     // The leg swings against the skirt, and the skirt folds.
     assert!(matched.iter().all(|&count| count > 50), "{matched:?}");
+}
+
+/// What an artist paints in the file arrives: half of the skirt is pinned, and the other half is as without paint.
+#[test]
+fn paint_in_the_file_says_how_far_the_skirt_moves() {
+    let (rings, segments) = file::SKIRT_SIZE;
+    let paint: Vec<f32> =
+        (0..(rings + 1) * segments).map(|vertex| if vertex % segments < segments / 2 { 0.0 } else { 0.4 }).collect();
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR"));
+    std::fs::write(folder.join("painted.glb"), file::painted_character_file(&paint)).expect("it can be written");
+    let mut app = character_app(folder, cast(Some(file::SKIRT)));
+    load(&mut app, "painted.glb").expect("it can be loaded");
+    let skirt = named(&mut app, file::SKIRT);
+    let tethers = &app.world().get::<XpbdTethers>(skirt).expect("it is worn").tethers;
+    assert_eq!(tethers.len(), paint.len());
+    for tether in tethers {
+        assert_eq!(tether.longest, paint[tether.vertex.index()] * XpbdGarment::default().longest);
+    }
 }
 
 /// The truth is the share of the leg from which the file was made. The skirt, which hangs before the thigh, has no joints.

@@ -34,6 +34,20 @@ pub fn point_at(corners: &[DVec3; 3], weights: &[f64; 3]) -> DVec3 {
     corners[0] * weights[0] + corners[1] * weights[1] + corners[2] * weights[2]
 }
 
+/// The weights of a point's projection on the triangle's plane, negative beside the triangle. Not finite if the triangle
+/// has no area.
+#[cfg(feature = "mesh")]
+#[must_use]
+pub fn barycentric_in_plane(triangle: &[DVec3; 3], point: DVec3) -> [f64; 3] {
+    let normal = (triangle[1] - triangle[0]).cross(triangle[2] - triangle[0]);
+    let share = |k: usize| {
+        let [from, to] = [triangle[(k + 1) % 3], triangle[(k + 2) % 3]];
+        normal.dot((to - from).cross(point - from)) / normal.length_squared()
+    };
+    let [second, third] = [share(1), share(2)];
+    [1.0 - second - third, second, third]
+}
+
 /// The weights of a point's projection on the triangle's plane, clamped to the triangle. A third each if the triangle
 /// has no area or the point is infinite.
 #[must_use]

@@ -6,11 +6,13 @@ mod drive;
 mod error;
 mod hierarchy;
 mod joints;
+mod own;
 mod read;
 mod source;
 mod write;
 
 use bevy_app::prelude::*;
+use bevy_asset::AssetEventSystems;
 use bevy_ecs::{
     prelude::*,
     schedule::{InternedScheduleLabel, ScheduleLabel},
@@ -23,6 +25,16 @@ pub use components::{SurfaceFromMesh, SurfaceFromMeshHierarchy, SurfaceSettings,
 pub use drive::DrivenMesh;
 pub use error::{SurfaceMeshError, SurfaceMeshNotWritten};
 pub use joints::SurfaceJoints;
+pub(crate) use own::OwnMeshes;
+
+/// What is done in [`DeformableSystems::Prepare`] before surfaces are gathered.
+#[derive(SystemSet, Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub(crate) enum MeshSystems {
+    /// Finds the meshes below roots.
+    Find,
+    /// Makes and moves surfaces.
+    Read,
+}
 
 /// Makes surfaces from meshes. Part of [`DeformableCollisionPlugins`](crate::DeformableCollisionPlugins) if the
 /// feature `mesh` is on. May be added before or after the plugins that bring the assets. Without these, surfaces from
@@ -46,7 +58,9 @@ impl Plugin for SurfaceMeshPlugin {
         app.add_systems(
             self.schedule,
             (
-                (find_meshes, read::read_meshes).chain().before(GatherSurfaces),
+                (find_meshes.in_set(MeshSystems::Find), read::read_meshes.in_set(MeshSystems::Read))
+                    .chain()
+                    .before(GatherSurfaces),
                 read::report_failures.after(GatherSurfaces),
             )
                 .in_set(DeformableSystems::Prepare),
@@ -56,7 +70,9 @@ impl Plugin for SurfaceMeshPlugin {
             (write::write_meshes, drive::drive_meshes)
                 .chain()
                 .after(DeformableSystems::Writeback)
-                .before(DeformableSystems::Events),
+                .before(DeformableSystems::Events)
+                // In `PostUpdate`, where Bevy announces changes to the renderer: otherwise it draws them a frame late.
+                .before(AssetEventSystems),
         );
     }
 }

@@ -232,7 +232,7 @@ impl MeshItemItem<'_, '_> {
 
 impl DeformableSurface {
     /// The same surface, its lengths in the unit of these positions.
-    fn measured_on(&self, positions: &[Vec3]) -> Self {
+    pub(super) fn measured_on(&self, positions: &[Vec3]) -> Self {
         let mean_edge = self.topology.mean_edge_length(positions) as f32;
         Self { topology: Arc::clone(&self.topology), mean_edge }
     }

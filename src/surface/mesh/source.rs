@@ -71,9 +71,31 @@ impl MeshSources {
         Some(entry.source.as_ref().map_err(Clone::clone))
     }
 
+    /// A source that has been asked for.
+    pub(super) fn known(&self, key: SourceKey) -> Option<&MeshSource> {
+        self.sources.get(&key)?.source.as_ref().ok()
+    }
+
+    /// Takes over a mesh that is neither skinned nor morphed, and whose surface is known. Returns the versions of its
+    /// triangles and of everything else.
+    pub(super) fn insert(&mut self, key: SourceKey, surface: &DeformableSurface, positions: &[Vec3]) -> [u64; 2] {
+        let version = &mut self.last_version;
+        let source = MeshSource {
+            surface: surface.clone(),
+            positions: positions.to_vec(),
+            influences: Err(SurfaceMeshError::NoInfluences),
+            displacements: Vec::new(),
+            triangles: next(version),
+            version: next(version),
+        };
+        let versions = [source.triangles, source.version];
+        self.sources.insert(key, Entry { source: Ok(source), is_used: true });
+        versions
+    }
+
     /// What moves the vertices of a skinned mesh.
     pub(super) fn influences(&self, key: SourceKey) -> Option<&[Influences]> {
-        self.sources.get(&key)?.source.as_ref().ok()?.influences.as_deref().ok()
+        self.known(key)?.influences.as_deref().ok()
     }
 
     /// The positions that the asset is known to have.
@@ -146,7 +168,7 @@ impl MeshSource {
 }
 
 /// An error of access to an attribute that is there.
-fn extracted(_: MeshAccessError) -> SurfaceMeshError {
+pub(super) fn extracted(_: MeshAccessError) -> SurfaceMeshError {
     SurfaceMeshError::OnlyInRenderWorld
 }
 
