@@ -16,7 +16,7 @@ use glam::{DQuat, DVec3, Quat, Vec3};
 use parry3d_f64::{
     math::Pose3,
     query::{PointQuery, Ray, RayCast, distance},
-    shape::{Cuboid, TriMesh},
+    shape::{Cuboid, Segment, TriMesh, Triangle},
 };
 
 use crate::surfaces::Surface;
@@ -396,4 +396,53 @@ fn touches_deeply(patch: &TriMesh, cuboid: &Cuboid, center: DVec3, tolerance: f6
     let smaller = Cuboid::new(cuboid.half_extents - tolerance);
     let pose = Pose3::from_translation(center);
     distance(&pose, &smaller, &Pose3::IDENTITY, patch).expect("parry knows both").distance == 0.0
+}
+
+#[test]
+fn shapes_without_volume_overlap_the_patches_that_they_pierce() {
+    let mut random = Random::new(8);
+    let (mut overlapping, mut apart) = (0, 0);
+    for mut scene in scenes() {
+        let size = scene.size;
+        let corners: Vec<[DVec3; 3]> = (0..150)
+            .map(|_| {
+                let center = scene.center + random_vector(&mut random) * size;
+                std::array::from_fn(|_| (center + random_vector(&mut random) * 0.4 * size).as_vec3().as_dvec3())
+            })
+            .collect();
+        let copy = corners.clone();
+        let found = scene.query(move |query| {
+            let overlap = |corners: &[DVec3; 3]| {
+                let [a, b, c] = corners.map(|corner| corner.as_vec3());
+                [SharedShape::segment(a, b), SharedShape::triangle(a, b, c)].map(|shape| {
+                    let found = query.shape_intersections(&shape, Vec3::ZERO, Quat::IDENTITY, &ALL);
+                    let cast = query.cast_shape(&shape, Vec3::ZERO, Quat::IDENTITY, Vec3::X, 0.0, &ALL);
+                    let cast = cast.expect("it can be cast").is_some();
+                    (!found.expect("it can overlap").is_empty(), cast)
+                })
+            };
+            copy.iter().map(overlap).collect::<Vec<_>>()
+        });
+        for (corners, found) in corners.into_iter().zip(found) {
+            let [a, b, c] = corners;
+            let at = Pose3::IDENTITY;
+            let gaps = [
+                distance(&at, &Segment::new(a, b), &at, &scene.truth),
+                distance(&at, &Triangle::new(a, b, c), &at, &scene.truth),
+            ];
+            // How far each pierces the surface: its ends are on both sides, away from it.
+            let is_deep = corners.iter().all(|corner| scene.distance(*corner) > 4.0 * scene.tolerance);
+            for (gap, (overlaps, is_hit)) in gaps.into_iter().zip(found) {
+                let gap = gap.expect("parry knows both").distance;
+                if gap > scene.tolerance {
+                    assert!(!overlaps, "{corners:?} {gap}");
+                    apart += 1;
+                } else if gap == 0.0 && is_deep {
+                    assert!(overlaps && is_hit, "{corners:?} {overlaps} {is_hit}");
+                    overlapping += 1;
+                }
+            }
+        }
+    }
+    assert!(overlapping > 200 && apart > 500, "{overlapping} {apart}");
 }

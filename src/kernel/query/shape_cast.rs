@@ -79,6 +79,9 @@ impl SolidScratch {
     ) -> Option<SolidTriangleHit> {
         let height = patch.height();
         let start = self.cast(solid, &patch.corners, height, direction, range)?;
+        if start.distance == 0.0 && self.of_patch.overlaps(patch, solid) {
+            return Some(start);
+        }
         let mut moved = start.distance;
         let (bounds, speed) = (solid.bounds()?, direction.length());
         let reach = bounds.min.abs().max(bounds.max.abs()).as_dvec3().length();

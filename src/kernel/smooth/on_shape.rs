@@ -80,7 +80,21 @@ impl PatchScratch {
     /// Whether a patch shares a point with a shape.
     pub fn overlaps(&mut self, patch: &Patch, shape: &ShapeGeometry) -> bool {
         self.nearby(patch, shape, patch.height()).is_some_and(|place| place.foot.distance <= 0.0)
-            || closer_than(&PatchPart::whole(*patch), shape, 0.0).is_some()
+            || self.part_overlaps(&PatchPart::whole(*patch), shape)
+    }
+
+    /// Like [`overlaps`](Self::overlaps), for a part of a patch. Small ones count as flat: a shape without volume has no point
+    /// in it that could be found.
+    fn part_overlaps(&mut self, part: &PatchPart, shape: &ShapeGeometry) -> bool {
+        let Reach { distance, nearest } = Reach::of(part, shape);
+        if distance <= 0.0 || nearest > 0.0 {
+            return distance <= 0.0;
+        }
+        if part.size() < FLAT_PART {
+            self.of_triangle.clear();
+            return shape.examine(&part.patch.corners, 0.0, &mut self.pair, &mut self.of_triangle) <= 0.0;
+        }
+        part.halved().iter().any(|part| self.part_overlaps(part, shape))
     }
 
     fn nearby(&mut self, patch: &Patch, shape: &ShapeGeometry, range: f64) -> Option<Place> {
@@ -96,18 +110,36 @@ impl PatchScratch {
 /// Parts of a patch that are smaller than this, by their weights, are not searched for a place any more.
 const LEAST_PART: f64 = 1.0 / 512.0;
 
-/// The weights of a place of a patch that is within `distance` of a shape, if there is one. The distance of a shape changes
-/// by no more than a point moves, so most parts are seen to be farther away.
-fn closer_than(part: &PatchPart, shape: &ShapeGeometry, distance: f64) -> Option<[f64; 3]> {
+/// Parts of a patch that are smaller than this, by their weights, are as good as flat.
+const FLAT_PART: f64 = 1.0 / 128.0;
+
+/// The distance of a shape from a part of a patch.
+struct Reach {
+    /// At its center.
+    distance: f64,
+    /// A lower bound everywhere. The distance changes by no more than a point moves.
+    nearest: f64,
+}
+
+impl Reach {
     const CENTER: [f64; 3] = [1.0 / 3.0; 3];
-    let center = part.patch.point(&CENTER);
-    let own = shape.foot(center).distance;
-    if own <= distance {
-        return Some(part.in_whole(&CENTER));
+
+    fn of(part: &PatchPart, shape: &ShapeGeometry) -> Self {
+        let center = part.patch.point(&Self::CENTER);
+        let distance = shape.foot(center).distance;
+        let to_corners = part.patch.corners.iter().fold(0.0_f64, |most, corner| most.max(corner.distance(center)));
+        // Its points are between its corners, or above that by at most its height.
+        Self { distance, nearest: distance - to_corners - part.patch.height() }
     }
-    let reach = part.patch.corners.iter().fold(0.0_f64, |most, corner| most.max(corner.distance(center)));
-    // Its points are between its corners, or above that by at most its height.
-    if own - reach - part.patch.height() > distance || part.size() < LEAST_PART {
+}
+
+/// The weights of a place of a patch that is within `distance` of a shape, if one is found.
+fn closer_than(part: &PatchPart, shape: &ShapeGeometry, distance: f64) -> Option<[f64; 3]> {
+    let reach = Reach::of(part, shape);
+    if reach.distance <= distance {
+        return Some(part.in_whole(&Reach::CENTER));
+    }
+    if reach.nearest > distance || part.size() < LEAST_PART {
         return None;
     }
     part.halved().iter().find_map(|part| closer_than(part, shape, distance))
