@@ -1,6 +1,8 @@
 //! Sets and schedules. A schedule of the game's choice hosts [`DeformableSystems`]. The detection stages run in a
 //! schedule of their own, [`SurfaceDetection`].
 
+use std::{any::type_name, marker::PhantomData};
+
 use bevy_app::prelude::*;
 use bevy_ecs::{
     prelude::*,
@@ -60,6 +62,32 @@ pub enum SurfaceDetectionSystems {
 /// The schedule that hosts [`DeformableSystems`], for plugins that add systems to it.
 #[derive(Resource, Clone, Copy)]
 pub(crate) struct HostSchedule(pub(crate) InternedScheduleLabel);
+
+/// Marks a plugin whose systems are in the host schedule.
+#[derive(Resource)]
+struct Hosted<P: Send + Sync + 'static>(PhantomData<P>);
+
+/// Adds the systems of a plugin to the host schedule, once: when the plugin is built, if the schedule is known, otherwise when
+/// it is finished. So plugins can be added in any order.
+///
+/// # Panics
+/// In `finish`, without [`DeformableCollisionPlugins`](crate::DeformableCollisionPlugins).
+pub(crate) fn add_to_host_schedule<P: Plugin>(
+    app: &mut App,
+    is_finished: bool,
+    add: impl FnOnce(&mut App, InternedScheduleLabel),
+) {
+    if app.world().contains_resource::<Hosted<P>>() {
+        return;
+    }
+    if let Some(&HostSchedule(schedule)) = app.world().get_resource() {
+        app.insert_resource(Hosted::<P>(PhantomData));
+        add(app, schedule);
+    } else {
+        let name = type_name::<P>().rsplit("::").next().unwrap_or_default();
+        assert!(!is_finished, "{name} works on what DeformableCollisionPlugins detect: add DeformableCollisionPlugins");
+    }
+}
 
 /// Sets up the schedule and the sets. Every other plugin of the group depends on it.
 pub struct DeformableSchedulePlugin {

@@ -403,9 +403,9 @@ fn a_fixed_schedule_draws_in_every_frame_with_and_without_a_tick() {
 }
 
 #[test]
-#[should_panic(expected = "add DeformableCollisionPlugins first")]
+#[should_panic(expected = "DeformableGizmosPlugin works on what DeformableCollisionPlugins detect")]
 fn it_needs_the_plugins_that_it_draws() {
-    App::new().add_plugins((AssetPlugin::default(), GizmoPlugin, DeformableGizmosPlugin));
+    App::new().add_plugins((AssetPlugin::default(), GizmoPlugin, DeformableGizmosPlugin)).finish();
 }
 
 #[test]

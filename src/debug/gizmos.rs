@@ -6,7 +6,7 @@ use std::{collections::BTreeSet, f32::consts::TAU};
 
 use bevy_app::prelude::*;
 use bevy_color::{Color, Srgba};
-use bevy_ecs::prelude::*;
+use bevy_ecs::{prelude::*, schedule::InternedScheduleLabel};
 use bevy_gizmos::{
     AppGizmoBuilder, GizmoPlugin,
     config::{GizmoConfigGroup, GizmoConfigStore},
@@ -27,7 +27,7 @@ use super::{
 };
 use crate::{
     kernel::{pair_fate::PairFate, pose::Pose},
-    schedule::{DeformableSystems, HostSchedule, run_detection},
+    schedule::{DeformableSystems, add_to_host_schedule, run_detection},
     surface::DeformableSurface,
 };
 
@@ -98,33 +98,35 @@ impl Default for DeformableGizmos {
 /// Draws what detection found in the game's own window, by `bevy_gizmos`. [`DeformableGizmos`] selects the layers.
 /// Contacts are the same with and without it.
 ///
-/// Add it after [`DeformableCollisionPlugins`](crate::DeformableCollisionPlugins). The app needs Bevy's `GizmoPlugin`,
-/// which is one of the `DefaultPlugins`. While the group is disabled (`GizmoConfig::enabled`), nothing is computed.
+/// The app needs [`DeformableCollisionPlugins`](crate::DeformableCollisionPlugins), and Bevy's `GizmoPlugin`, which is one
+/// of the `DefaultPlugins`. While the group is disabled (`GizmoConfig::enabled`), nothing is computed.
 ///
 /// # Panics
-/// When the app is built, without one of these plugins.
+/// When the app is finished, without one of these plugins.
 pub struct DeformableGizmosPlugin;
 
 impl Plugin for DeformableGizmosPlugin {
     fn build(&self, app: &mut App) {
-        let Some(&HostSchedule(schedule)) = app.world().get_resource() else {
-            panic!("DeformableGizmosPlugin draws DeformableCollisionPlugins: add DeformableCollisionPlugins first");
-        };
         app.init_gizmo_group::<DeformableGizmos>();
-        app.add_systems(
-            schedule,
-            draw.in_set(DeformableSystems::Detect)
-                .after(run_detection)
-                .run_if(|store: Res<GizmoConfigStore>| store.config::<DeformableGizmos>().0.enabled),
-        );
+        add_to_host_schedule::<Self>(app, false, add_systems);
     }
 
     fn finish(&self, app: &mut App) {
+        add_to_host_schedule::<Self>(app, true, add_systems);
         assert!(
             app.is_plugin_added::<GizmoPlugin>(),
             "DeformableGizmosPlugin draws by gizmos: add Bevy's DefaultPlugins, or GizmoPlugin"
         );
     }
+}
+
+fn add_systems(app: &mut App, schedule: InternedScheduleLabel) {
+    app.add_systems(
+        schedule,
+        draw.in_set(DeformableSystems::Detect)
+            .after(run_detection)
+            .run_if(|store: Res<GizmoConfigStore>| store.config::<DeformableGizmos>().0.enabled),
+    );
 }
 
 /// Draws in world space.

@@ -4,7 +4,7 @@
 use std::collections::HashMap;
 
 use bevy_app::prelude::*;
-use bevy_ecs::prelude::*;
+use bevy_ecs::{prelude::*, schedule::InternedScheduleLabel};
 #[cfg(feature = "reflect")]
 use bevy_reflect::prelude::*;
 use glam::{DVec3, Vec3};
@@ -23,26 +23,31 @@ use crate::{
             penetration::SurfaceSearch,
         },
     },
-    schedule::{DeformableSystems, HostSchedule},
+    schedule::{DeformableSystems, add_to_host_schedule},
     surface::{ActiveSurface, ActiveSurfaces, GatherSurfaces, SurfacePositions, TetrahedralBody},
 };
 
 /// Finds the vertices of [tetrahedral bodies](TetrahedralBody) that lie in other such bodies, and with
 /// [`SelfCollision`](crate::SelfCollision) in the body itself. Read the result from [`Containments`].
 ///
-/// Add it after [`DeformableCollisionPlugins`](crate::DeformableCollisionPlugins). It runs at the end of
+/// It needs [`DeformableCollisionPlugins`](crate::DeformableCollisionPlugins). It runs at the end of
 /// [`DeformableSystems::Prepare`], on the positions that the game has written. Contacts are the same with and without
 /// it.
 pub struct TetrahedralContainmentPlugin;
 
 impl Plugin for TetrahedralContainmentPlugin {
     fn build(&self, app: &mut App) {
-        let Some(&HostSchedule(schedule)) = app.world().get_resource() else {
-            panic!("TetrahedralContainmentPlugin needs the sets of DeformableCollisionPlugins: add those first");
-        };
         app.init_resource::<Containments>();
-        app.add_systems(schedule, find_containments.in_set(DeformableSystems::Prepare).after(GatherSurfaces));
+        add_to_host_schedule::<Self>(app, false, add_systems);
     }
+
+    fn finish(&self, app: &mut App) {
+        add_to_host_schedule::<Self>(app, true, add_systems);
+    }
+}
+
+fn add_systems(app: &mut App, schedule: InternedScheduleLabel) {
+    app.add_systems(schedule, find_containments.in_set(DeformableSystems::Prepare).after(GatherSurfaces));
 }
 
 /// A vertex of one body that lies in a tetrahedron of another, or in one of its own body.

@@ -166,13 +166,15 @@ impl Default for SurfaceFriction {
     }
 }
 
-/// The rest shape of a body: lengths, bends, and volume, in the surface's own frame.
+/// The rest shape of a body: lengths, bends, volume, and areas, in the surface's own frame.
 #[derive(Clone, Debug, Default)]
 pub(super) struct RestShape {
     pub(super) springs: SpringRests,
     pub(super) hinges: HingeRests,
     /// Only if the surface is closed and encloses a volume.
     pub(super) volume: Option<VolumeRest>,
+    /// Of each triangle.
+    pub(super) areas: Vec<f32>,
     /// What it was made from.
     #[cfg(feature = "serde")]
     pub(super) positions: Vec<Vec3>,
@@ -196,7 +198,9 @@ impl RestShape {
         let mut slabs = Slabs::default();
         slabs.split(&points);
         let volume = topology.is_closed().then(|| VolumeRest::new(&points, topology.welded_triangles()));
+        let areas = topology.welded_triangles().iter().map(|corners| area(corners, &points) as f32).collect();
         Self {
+            areas,
             springs: SpringRests::new(points.len(), &slabs, springs.into_iter()),
             hinges: HingeRests::new(points.len(), &slabs, hinges.into_iter()),
             volume: volume.flatten(),
@@ -204,6 +208,11 @@ impl RestShape {
             positions: positions.to_vec(),
         }
     }
+}
+
+fn area(corners: &[u32; 3], points: &[DVec3]) -> f64 {
+    let [a, b, c] = corners.map(|vertex| points[vertex as usize]);
+    0.5 * (b - a).cross(c - a).length()
 }
 
 /// The corners of the hinge at an edge between two triangles, and its bend.
@@ -275,10 +284,10 @@ impl XpbdBody {
         count("positions", expected, positions.0.len())?;
         check_finite(&positions.0)?;
         check_material(&material)?;
+        let points: Vec<DVec3> = positions.0.iter().map(|position| position.as_dvec3()).collect();
         let mut areas = vec![0.0; expected];
         for &triangle in topology.welded_triangles() {
-            let [a, b, c] = triangle.map(|vertex| positions.0[vertex as usize].as_dvec3());
-            let share = (b - a).cross(c - a).length() / 6.0;
+            let share = area(&triangle, &points) / 3.0;
             for vertex in triangle {
                 areas[vertex as usize] += share;
             }
@@ -306,12 +315,14 @@ impl XpbdBody {
         })
     }
 
-    /// Pins the given vertices. Vertices out of range are ignored.
+    /// Pins the given vertices. Vertices out of range are ignored, with a warning in the log.
     #[must_use]
     pub fn pinned(mut self, vertices: impl IntoIterator<Item = VertexId>) -> Self {
+        let count = self.inverse_masses.len();
         for vertex in vertices {
-            if let Some(inverse_mass) = self.inverse_masses.get_mut(vertex.index()) {
-                *inverse_mass = 0.0;
+            match self.inverse_masses.get_mut(vertex.index()) {
+                Some(inverse_mass) => *inverse_mass = 0.0,
+                None => log::warn!("vertex {} cannot be pinned: the body has {count} vertices", vertex.0),
             }
         }
         self

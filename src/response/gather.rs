@@ -167,7 +167,7 @@ impl Gatherer {
             tethers.in_part(scene.motions.shares(), particle_of).for_each(|tether| solver.tether(&tether));
         }
         if let Ok(wind) = scene.winds.get(surface.entity) {
-            solver.blow(wind.air(), surface.topology.welded_triangles(), first);
+            solver.blow(wind.air());
         }
         if let Ok(SurfaceForces(forces)) = scene.forces.get(surface.entity)
             && forces.len() == weld.len()

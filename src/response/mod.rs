@@ -151,8 +151,8 @@ use bevy_time::Time;
 
 use crate::{
     detection::ImpactsRead,
-    schedule::{DeformableSystems, run_detection},
-    surface::SurfacePlugin,
+    schedule::{DeformableSystems, HostSchedule, run_detection},
+    surface::ActiveSurfaces,
 };
 pub use body::{SurfaceFriction, XpbdBody, XpbdBodyError, XpbdMaterial};
 pub use forces::{SurfaceForces, SurfaceWind};
@@ -212,13 +212,20 @@ impl Plugin for XpbdResponsePlugin {
                 motion::restore.in_set(DeformableSystems::Detect).after(run_detection),
                 respond::respond_in_parts.in_set(DeformableSystems::Respond),
                 (respond::write_back, sleep::settle).chain().in_set(DeformableSystems::Writeback),
-            ),
+            )
+                .distributive_run_if(resource_exists::<ActiveSurfaces>),
         );
     }
 
     fn finish(&self, app: &mut App) {
-        if !app.is_plugin_added::<SurfacePlugin>() {
-            log::warn!("bodies have no contacts without DeformableCollisionPlugins: add it to the same schedule");
+        match app.world().get_resource::<HostSchedule>() {
+            None => log::warn!("bodies do not move without DeformableCollisionPlugins: add it to the same schedule"),
+            Some(HostSchedule(detection)) if *detection != self.schedule => log::warn!(
+                "bodies are moved in {:?}, but contacts are detected in {detection:?}: give XpbdResponsePlugin and \
+                 DeformableCollisionPlugins the same schedule",
+                self.schedule
+            ),
+            Some(_) => {}
         }
         if !app.world().contains_resource::<Time>() {
             log::warn!("bodies do not move without a clock: add TimePlugin, or a Time resource that you advance");

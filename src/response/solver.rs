@@ -207,9 +207,11 @@ impl Solver {
         }
     }
 
-    /// Puts a body into a wind.
-    pub(super) fn blow(&mut self, air: Air, triangles: &[[u32; 3]], first: usize) {
-        self.winds.add(air, triangles, first, &self.particles.start);
+    /// Puts the body that was added last into a wind.
+    pub(super) fn blow(&mut self, air: Air) {
+        let Some(SolverBody { first, topology, rest, scale, .. }) = self.bodies.last() else { return };
+        let areas = rest.areas.iter().map(|area| area * (scale * scale) as f32);
+        self.winds.add(air, topology.welded_triangles().iter().zip(areas), *first, &self.particles.start);
     }
 
     /// Begins a tick, which may be solved more than once.

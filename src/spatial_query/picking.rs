@@ -9,9 +9,11 @@ use bevy_ecs::prelude::*;
 use bevy_picking::backend::prelude::{HitData, Pickable, PickingSystems, PointerHits, RayMap};
 
 use super::{RayHit, SurfaceQuery, SurfaceQueryFilter};
+use crate::detection::SurfaceStates;
 
 /// Lets `bevy_picking` find surfaces and rigid shapes under pointers, so that observers of `PointerOver`, `PointerClick`, and the
-/// like work on meshes that deform. Add it beside the plugins of `bevy_picking`. Where a mesh is a surface, leave out
+/// like work on meshes that deform. Add it beside the plugins of `bevy_picking` and
+/// [`DeformableCollisionPlugins`](crate::DeformableCollisionPlugins): without one of them it does nothing. Where a mesh is a surface, leave out
 /// Bevy's `MeshPickingPlugin` or its hits: it sees the mesh as it was loaded.
 ///
 /// - Pointers hit what the last detection saw: surfaces in the pose in which they were last drawn.
@@ -23,7 +25,15 @@ pub struct SurfacePickingPlugin;
 
 impl Plugin for SurfacePickingPlugin {
     fn build(&self, app: &mut App) {
-        app.add_systems(PreUpdate, report_hits.in_set(PickingSystems::Backend));
+        let is_complete = resource_exists::<RayMap>.and_then(resource_exists::<SurfaceStates>);
+        app.add_systems(PreUpdate, report_hits.in_set(PickingSystems::Backend).run_if(is_complete));
+    }
+
+    fn finish(&self, app: &mut App) {
+        let world = app.world();
+        if !(world.contains_resource::<RayMap>() && world.contains_resource::<SurfaceStates>()) {
+            log::warn!("pointers find no surfaces: add the plugins of bevy_picking and DeformableCollisionPlugins");
+        }
     }
 }
 

@@ -172,7 +172,7 @@ fn update_status(
     let was_quarantined = matches!(**status, SurfaceStatus::Quarantined(_));
     status.set_if_neq(next);
     if !was_quarantined && let SurfaceStatus::Quarantined(reason) = &**status {
-        log::warn!("surface {entity} is quarantined: {reason}");
+        log::warn!("surface or shape {entity} is quarantined: {reason}");
         quarantines.0.push(SurfaceQuarantined { entity, reason: reason.clone() });
     }
 }

@@ -38,8 +38,8 @@ pub enum QuarantineReason {
     /// The transform cannot be used.
     #[error(transparent)]
     Pose(#[from] PoseError),
-    /// The entity or one of its parents has no transform.
-    #[error("the transform or that of a parent is missing")]
+    /// The entity or one of its parents has no transform, or a parent has Bevy's `Disabled`.
+    #[error("the transform or that of a parent is missing, or a parent is Disabled")]
     MissingTransform,
     /// The surface or shape extends farther in the world than contacts in f32 can represent.
     #[error("it reaches beyond 8e37 world units: move it closer to the origin, or give it a smaller scale or size")]

@@ -154,6 +154,23 @@ fn a_sheet_is_blown_along_as_the_formula_says() {
 }
 
 #[test]
+fn a_gale_in_a_pinned_sheet_adds_no_speed_and_no_area() {
+    for (velocity, lift) in [(Vec3::X * 30.0, 0.5), (Vec3::Z * 30.0, 0.5), (Vec3::Z * 30.0, 0.0)] {
+        let mut scene = Scene::new();
+        let wind = SurfaceWind { velocity, lift, ..SurfaceWind::default() };
+        let body = scene.add(&sheet(16, 2.0), XpbdMaterial::CLOTH, wind);
+        let pinned = scene.body(body).clone().pinned([VertexId(0), VertexId(16)]);
+        scene.app.world_mut().entity_mut(body).insert(pinned);
+        for _ in 0..150 {
+            scene.tick(1.0 / 30.0);
+            assert!(scene.fastest(body) < 2.0 * 30.0, "{wind:?}: {}", scene.fastest(body));
+            let farthest = scene.positions(body).iter().map(|at| at.length()).fold(0.0, f32::max);
+            assert!(farthest < 60.0, "{wind:?}: {farthest}");
+        }
+    }
+}
+
+#[test]
 fn forces_and_impulses_accelerate_by_what_they_weigh() {
     let mut scene = Scene::new();
     let body = scene.add(&sheet(6, 0.3), LOSSLESS, ());

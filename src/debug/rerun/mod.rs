@@ -28,7 +28,7 @@ use ::rerun::{
     sink::MemorySinkStorage,
 };
 use bevy_app::prelude::*;
-use bevy_ecs::prelude::*;
+use bevy_ecs::{prelude::*, schedule::InternedScheduleLabel};
 use bevy_time::Time;
 
 use self::{
@@ -41,7 +41,7 @@ use crate::{
     contacts::{SurfaceContacts, TouchingSides},
     debug::tick::{Detected, Touches, scene_bounds},
     detection::DetectionDiagnostics,
-    schedule::{DeformableSystems, HostSchedule, run_detection},
+    schedule::{DeformableSystems, add_to_host_schedule, run_detection},
     surface::{ActiveSurfaces, DeformableSurface, RigidShape, SurfacePositions, SurfaceQuarantined},
 };
 pub use settings::RerunSettings;
@@ -153,20 +153,25 @@ impl DeformableRerunPlugin {
 
 impl Plugin for DeformableRerunPlugin {
     fn build(&self, app: &mut App) {
-        let Some(&HostSchedule(schedule)) = app.world().get_resource() else {
-            panic!("DeformableRerunPlugin records DeformableCollisionPlugins: add DeformableCollisionPlugins first");
-        };
         app.init_resource::<RerunSettings>();
         app.insert_resource(Recorder::new(self.stream.clone()));
-        app.add_systems(
-            schedule,
-            (
-                record_detection.in_set(DeformableSystems::Detect).after(run_detection),
-                record_answer.in_set(DeformableSystems::Log),
-            )
-                .distributive_run_if(is_recording),
-        );
+        add_to_host_schedule::<Self>(app, false, add_systems);
     }
+
+    fn finish(&self, app: &mut App) {
+        add_to_host_schedule::<Self>(app, true, add_systems);
+    }
+}
+
+fn add_systems(app: &mut App, schedule: InternedScheduleLabel) {
+    app.add_systems(
+        schedule,
+        (
+            record_detection.in_set(DeformableSystems::Detect).after(run_detection),
+            record_answer.in_set(DeformableSystems::Log),
+        )
+            .distributive_run_if(is_recording),
+    );
 }
 
 /// The stream, and what has been sent to it.

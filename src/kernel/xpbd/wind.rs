@@ -25,6 +25,8 @@ struct Sail {
     corners: [u32; 3],
     /// From the first corner to the others at the beginning of the tick.
     edges: [Vec3; 2],
+    /// The area at rest. Cloth that stretches catches no more wind.
+    area: f32,
 }
 
 /// The bodies that are in a wind, in a tick.
@@ -40,22 +42,29 @@ impl Winds {
         self.bodies.clear();
     }
 
-    /// Adds the triangles of a body whose particles begin with `first`.
-    pub fn add(&mut self, air: Air, triangles: &[[u32; 3]], first: usize, start: &[DVec3]) {
-        self.sails.extend(triangles.iter().map(|triangle| {
+    /// Adds the triangles of a body whose particles begin with `first`, with their areas at rest.
+    pub fn add<'a>(
+        &mut self,
+        air: Air,
+        triangles: impl Iterator<Item = (&'a [u32; 3], f32)>,
+        first: usize,
+        start: &[DVec3],
+    ) {
+        self.sails.extend(triangles.map(|(triangle, area)| {
             let [a, b, c] = triangle.map(|vertex| first + vertex as usize);
             let edges = [b, c].map(|corner| (start[corner] - start[a]).as_vec3());
-            Sail { corners: [a, b, c].map(row_of), edges }
+            Sail { corners: [a, b, c].map(row_of), edges, area }
         }));
         self.bodies.push((air, self.sails.len()));
     }
 
-    /// Changes velocities by the force of the wind over a substep of `step` seconds. The air takes no triangle beyond its
-    /// own speed.
+    /// Changes velocities by the force of the wind over a substep of `step` seconds. No triangle is faster relative to the air
+    /// afterwards than before: drag takes it at most along, and lift turns its way, where the force at the beginning of a
+    /// long step would add speed.
     pub fn blow(&self, particles: &mut ParticleRows, step: f32) {
         let mut first = 0;
         for &(Air { velocity, density, coefficients: [drag, lift] }, end) in &self.bodies {
-            for Sail { corners, edges } in &self.sails[first..end] {
+            for Sail { corners, edges, area } in &self.sails[first..end] {
                 let [a, b, c] = corners.map(|corner| corner as usize);
                 let moved = |corner: usize| particles.displacement[corner].vector();
                 let origin = moved(a);
@@ -70,15 +79,19 @@ impl Winds {
                 let normal = twice / length;
                 let normal = if normal.dot(wind) < 0.0 { -normal } else { normal };
                 let force = ((drag - lift) * normal.dot(wind)) * wind + (lift * wind.length_squared()) * normal;
-                let push = force * (density * length * step / 12.0);
+                let push = force * (density * length.min(2.0 * area) * step / 12.0);
                 // A third acts on each corner.
                 let mobility: f32 = [a, b, c].iter().map(|&corner| particles.velocity[corner].0[3]).sum::<f32>() / 3.0;
-                let change = push.dot(wind) * mobility;
-                let most = wind.length_squared();
-                let push = if change > most { push * (most / change) } else { push };
+                if mobility <= 0.0 {
+                    continue;
+                }
+                let change = push * mobility;
+                let (along, most) = (change.dot(wind), wind.length_squared());
+                let change = if along > most { change * (most / along) } else { change };
+                let change = wind - (wind - change).clamp_length_max(wind.length());
                 for corner in [a, b, c] {
                     let row = &mut particles.velocity[corner];
-                    row.set(row.vector() + push * row.0[3]);
+                    row.set(row.vector() + change * (row.0[3] / mobility));
                 }
             }
             first = end;
@@ -98,7 +111,7 @@ mod tests {
         let still = Placed { way: DVec3::ZERO, velocity: DVec3::ZERO, inverse_mass: 1.0 };
         rows.begin([still; 3].into_iter());
         let mut winds = Winds::default();
-        winds.add(Air { velocity, density: 1.2, coefficients }, &[[0, 1, 2]], 0, &start);
+        winds.add(Air { velocity, density: 1.2, coefficients }, [(&[0, 1, 2], 2.0)].into_iter(), 0, &start);
         winds.blow(&mut rows, step);
         let changes = [0, 1, 2].map(|particle| rows.state(particle)[1]);
         assert!(changes.iter().all(|change| *change == changes[0]));
@@ -122,6 +135,11 @@ mod tests {
         let wind = Vec3::new(3.0, 3.0, 0.0);
         let expected = wind.as_dvec3() * (0.6 * 3.0) + DVec3::Y * (0.4 * 18.0);
         close(change(wind, [1.0, 0.4], step), expected * (0.5 * 1.2 * 2.0));
+        // Lift alone turns the way of the triangle through the air.
+        for step in [0.001, 0.1, 10.0] {
+            let end = change(wind, [0.0, 0.5], step);
+            assert!((wind.as_dvec3() - end).length() < wind.as_dvec3().length() * (1.0 + 1e-6), "{step}: {end}");
+        }
         // A gale over a long step ends at the speed of the wind.
         let end = change(Vec3::Y * 100.0, [1.0, 0.0], 10.0);
         assert!(end.distance(DVec3::Y * 100.0) < 1e-3, "{end}");

@@ -43,6 +43,8 @@ use crate::surface::{
 #[derive(Component, Clone, Debug, Default, PartialEq)]
 #[require(MeshLink, SurfaceStatus, Registration)]
 #[cfg_attr(feature = "reflect", derive(Reflect), reflect(Component, Clone, Debug, Default, PartialEq))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", serde(default, deny_unknown_fields))]
 pub struct SurfaceFromMesh {
     /// Connects vertices that are no farther apart, in the unit of the mesh: see
     /// [`SurfaceBuilder::weld_within`](crate::SurfaceBuilder::weld_within). Default: 0, which connects vertices at
