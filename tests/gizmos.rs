@@ -403,6 +403,17 @@ fn a_fixed_schedule_draws_in_every_frame_with_and_without_a_tick() {
 }
 
 #[test]
+fn it_can_be_added_before_the_plugins_that_it_draws() {
+    let mut app = App::new();
+    app.add_plugins((DeformableGizmosPlugin, DeformableCollisionPlugins::new(Update)));
+    app.add_plugins((TaskPoolPlugin::default(), AssetPlugin::default(), TimePlugin, GizmoPlugin));
+    app.finish();
+    app.cleanup();
+    scene(&mut app);
+    assert!(!drawn(&mut app, everything()).is_empty());
+}
+
+#[test]
 #[should_panic(expected = "DeformableGizmosPlugin works on what DeformableCollisionPlugins detect")]
 fn it_needs_the_plugins_that_it_draws() {
     App::new().add_plugins((AssetPlugin::default(), GizmoPlugin, DeformableGizmosPlugin)).finish();

@@ -177,3 +177,20 @@ fn a_mouse_hovers_over_and_clicks_on_a_surface_where_it_is_deformed_to() {
     assert_eq!(act(&mut app, beside, &[]), [("over", surface, Some(2.0))]);
     assert_eq!(act(&mut app, beside, &clicked), [("click", surface, Some(2.0))]);
 }
+
+#[test]
+fn without_its_partners_it_is_idle() {
+    for partner in 0..3 {
+        let mut app = App::new();
+        app.add_plugins(SurfacePickingPlugin);
+        app.add_message::<PointerHits>();
+        match partner {
+            0 => _ = app.init_resource::<RayMap>(),
+            1 => _ = app.add_plugins(DeformableCollisionPlugins::new(Update)),
+            _ => {}
+        }
+        app.finish();
+        app.cleanup();
+        app.update();
+    }
+}

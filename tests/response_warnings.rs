@@ -133,3 +133,35 @@ fn a_body_between_two_jaws_is_warned_of_once_for_as_long_as_they_are_shut() {
     });
     assert_eq!(about(&warnings, "squeezed").len(), 1, "{warnings:?}");
 }
+
+#[test]
+fn plugins_that_do_not_fit_are_named_and_stop_nothing() {
+    let said = said_by(|| {
+        let mut app = App::new();
+        app.add_plugins(XpbdResponsePlugin::new(Update)).init_resource::<Time>();
+        app.finish();
+        app.cleanup();
+        tick(&mut app);
+    });
+    assert_eq!(about(&said, "do not move without DeformableCollisionPlugins").len(), 1, "{said:?}");
+    let said = said_by(|| {
+        let mut app = App::new();
+        app.add_plugins((DeformableCollisionPlugins::new(PostUpdate), XpbdResponsePlugin::new(Update)));
+        app.init_resource::<Time>();
+        app.finish();
+        app.cleanup();
+        tick(&mut app);
+    });
+    assert_eq!(about(&said, "the same schedule").len(), 1, "{said:?}");
+}
+
+#[test]
+fn a_pin_that_is_no_vertex_is_named() {
+    let said = said_by(|| {
+        let mesh = icosphere(0, 1.0);
+        let points: Vec<Vec3> = mesh.positions.iter().map(|&point| Vec3::from(point)).collect();
+        let (surface, positions) = DeformableSurface::from_mesh(&points, &mesh.triangles).unwrap();
+        _ = XpbdBody::new(&surface, &positions, XpbdMaterial::CLOTH).unwrap().pinned([VertexId(0), VertexId(99)]);
+    });
+    assert_eq!(about(&said, "vertex 99 cannot be pinned").len(), 1, "{said:?}");
+}

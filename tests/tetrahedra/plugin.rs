@@ -11,8 +11,9 @@ use glam::{Quat, Vec3};
 
 fn app() -> App {
     let mut app = App::new();
-    app.add_plugins(DeformableCollisionPlugins::new(Update));
+    // In any order.
     app.add_plugins(TetrahedralContainmentPlugin);
+    app.add_plugins(DeformableCollisionPlugins::new(Update));
     app.insert_resource(CircumsphereSettings { threads: 1, ..CircumsphereSettings::default() });
     app.finish();
     app.cleanup();

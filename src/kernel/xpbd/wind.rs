@@ -88,7 +88,9 @@ impl Winds {
                 let change = push * mobility;
                 let (along, most) = (change.dot(wind), wind.length_squared());
                 let change = if along > most { change * (most / along) } else { change };
-                let change = wind - (wind - change).clamp_length_max(wind.length());
+                let after = wind - change;
+                let is_faster = after.length_squared() > most;
+                let change = if is_faster { wind - after.clamp_length_max(most.sqrt()) } else { change };
                 for corner in [a, b, c] {
                     let row = &mut particles.velocity[corner];
                     row.set(row.vector() + change * (row.0[3] / mobility));
