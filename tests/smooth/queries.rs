@@ -413,7 +413,7 @@ fn shapes_without_volume_overlap_the_patches_that_they_pierce() {
         let copy = corners.clone();
         let found = scene.query(move |query| {
             let overlap = |corners: &[DVec3; 3]| {
-                let [a, b, c] = corners.map(|corner| corner.as_vec3());
+                let [a, b, c] = corners.map(DVec3::as_vec3);
                 [SharedShape::segment(a, b), SharedShape::triangle(a, b, c)].map(|shape| {
                     let found = query.shape_intersections(&shape, Vec3::ZERO, Quat::IDENTITY, &ALL);
                     let cast = query.cast_shape(&shape, Vec3::ZERO, Quat::IDENTITY, Vec3::X, 0.0, &ALL);
