@@ -19,7 +19,7 @@ use crate::{
 /// [`XpbdGarments`].
 ///
 /// As soon as the meshes of the garment and of all its skins have become surfaces, the garment gets an
-/// [`XpbdBody`](super::XpbdBody), [`XpbdTethers`](super::XpbdTethers) to the nearest places on the skins, and
+/// [`XpbdBody`](crate::response::XpbdBody), [`XpbdTethers`](crate::response::XpbdTethers) to the nearest places on the skins, and
 /// [`WriteSurfaceToMesh`](crate::WriteSurfaceToMesh), with a copy of its mesh, so that characters can share one asset. The
 /// garment should fit at that time: outside the skin. A garment that is skinned fits in every pose. Its joints lead it to
 /// the present pose and no further, it loses its [`SkinnedMesh`](bevy_mesh::skinning::SkinnedMesh), and its edges keep the
