@@ -50,12 +50,22 @@ fn without_a_sink_no_system_runs() {
 }
 
 #[test]
-fn before_the_group_the_plugin_says_what_to_do() {
-    let said = said(|| {
-        App::new().add_plugins(DeformableRerunPlugin::default());
-    });
+fn without_the_group_the_plugin_says_what_to_do() {
+    let said = said(|| App::new().add_plugins(DeformableRerunPlugin::default()).finish());
     let said = said.expect("the plugin panics without the group");
     assert!(said.contains("DeformableRerunPlugin") && said.contains("DeformableCollisionPlugins"), "{said}");
+}
+
+#[test]
+fn the_plugin_may_come_before_the_group() {
+    let (to_memory, storage) = DeformableRerunPlugin::to_memory().expect("memory can be written to");
+    let mut app = App::new();
+    app.add_plugins((to_memory, DeformableCollisionPlugins::new(Update)));
+    app.finish();
+    app.cleanup();
+    Scene::spawn(&mut app, ContactMethod::Circumsphere);
+    app.update();
+    assert!(storage.take().len() > 10, "the tick is recorded");
 }
 
 #[test]

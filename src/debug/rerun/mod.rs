@@ -86,7 +86,7 @@ pub enum RerunError {
 /// Records every tick for the [Rerun](https://rerun.io) viewer: to a file, to a viewer, to memory, or to a stream of
 /// your own. [`RerunSettings`] selects what is recorded. Contacts are the same with and without it.
 ///
-/// Add it after [`DeformableCollisionPlugins`](crate::DeformableCollisionPlugins). Without a sink, as in
+/// It needs [`DeformableCollisionPlugins`](crate::DeformableCollisionPlugins). Without a sink, as in
 /// [`DeformableRerunPlugin::default`], nothing is recorded or computed.
 ///
 /// A file is complete when the app has been dropped. Before that, or if the program is killed or ends with
