@@ -145,12 +145,7 @@ impl SurfaceQuery<'_> {
         };
         let sweep = Sweep { origin, direction: way, half_extents };
         self.visit_swept(&sweep, &solid.into, filter, &mut first, |target, patch, first| {
-            let hit = if patch.is_flat() {
-                scratch.cast(&solid.geometry, &patch.corners, 0.0, approach, first.range)
-            } else {
-                scratch.cast_patch(&solid.geometry, patch, approach, first.range)
-            };
-            if let Some(hit) = hit {
+            if let Some(hit) = scratch.cast_patch(&solid.geometry, patch, approach, first.range) {
                 first.offer(found(target, hit));
             }
         });

@@ -122,13 +122,7 @@ impl SurfaceQuery<'_> {
             let reach = solid.box_in(&pose.inverse().to_affine());
             let into = solid.into * pose.to_affine();
             visit_triangles(state, &reach, |triangle, patch| {
-                let patch = patch.moved(&into);
-                let overlaps = if patch.is_flat() {
-                    scratch.overlaps(&solid.geometry, &patch.corners, 0.0)
-                } else {
-                    scratch.overlaps_patch(&solid.geometry, &patch)
-                };
-                if overlaps {
+                if scratch.overlaps_patch(&solid.geometry, &patch.moved(&into)) {
                     triangles.push((surface, triangle));
                 }
             });

@@ -116,17 +116,6 @@ impl TriangleBounds {
         self.crease.is_some().then_some(&self.curved)
     }
 
-    /// A copy of the curved edges of a smooth surface, with some more patches.
-    pub(in crate::detection) fn curved_at(&self, triangles: &[u32]) -> Option<CurvedEdges> {
-        let (topology, crease) = (self.topology.as_ref()?, self.crease?);
-        let mut curved = self.curved.clone();
-        for &triangle in triangles {
-            curved.want(triangle);
-        }
-        curved.bend_on(&Sequential, topology, &self.positions, crease);
-        Some(curved)
-    }
-
     /// The curved edges of a smooth surface with all patches, in the memory of others.
     pub(in crate::detection) fn with_all_patches(&self, mut curved: CurvedEdges) -> CurvedEdges {
         if let (Some(topology), Some(crease)) = (&self.topology, self.crease) {

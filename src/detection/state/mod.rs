@@ -104,8 +104,7 @@ impl SurfaceState {
         if !self.bounds.is_of(topology) {
             return None;
         }
-        let curved = self.bounds.curved_at(triangles)?;
-        let side = SurfaceSide { curved: Some(&curved), ..SurfaceSide::flat(topology, self.positions()) };
+        let side = self.query_side().filter(|side| side.curved.is_some())?;
         Some(triangles.iter().map(|&triangle| Patch::of(&side, triangle)).collect())
     }
 

@@ -63,7 +63,7 @@ impl SolidScratch {
 
     /// Whether a solid shares a point with a patch.
     pub fn overlaps_patch(&mut self, solid: &ShapeGeometry, patch: &Patch) -> bool {
-        self.of_patch.overlaps(patch, solid)
+        if patch.is_flat() { self.overlaps(solid, &patch.corners, 0.0) } else { self.of_patch.overlaps(patch, solid) }
     }
 
     /// When a patch that moves along `direction` first meets a solid, up to `range` lengths of the direction.
@@ -79,6 +79,9 @@ impl SolidScratch {
     ) -> Option<SolidTriangleHit> {
         let height = patch.height();
         let start = self.cast(solid, &patch.corners, height, direction, range)?;
+        if patch.is_flat() {
+            return Some(start);
+        }
         if start.distance == 0.0 && self.of_patch.overlaps(patch, solid) {
             return Some(start);
         }

@@ -1,4 +1,4 @@
-//! Compiles kernels for several instruction sets, of which the processor's best one is run.
+//! Compiles kernels for several instruction sets, and runs the best one that the processor has.
 //!
 //! On x86-64 these are AVX-512, AVX2, and SSE2, which every such processor has. SSE4.2 would take as long to compile as
 //! SSE2, and is the best one of few processors. Elsewhere it is what `fearless_simd` chooses.
