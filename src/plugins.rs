@@ -6,8 +6,8 @@ use bevy_ecs::schedule::{InternedScheduleLabel, ScheduleLabel};
 use crate::{
     contacts::{ContactEventsPlugin, ContactsPlugin},
     detection::{
-        BoundsPlugin, BroadPhasePlugin, ConePlugin, CurvaturePlugin, ExactPlugin, OverlapPlugin, RefitPlugin,
-        SweptPlugin, TreeBroadPhasePlugin,
+        BoundsPlugin, BroadPhasePlugin, ConePlugin, CurvaturePlugin, ExactPlugin, NormalConeCullingPlugin,
+        OverlapPlugin, RefitPlugin, SweptPlugin, TreeBroadPhasePlugin,
     },
     schedule::DeformableSchedulePlugin,
     surface::SurfacePlugin,
@@ -43,6 +43,7 @@ impl PluginGroup for DeformableCollisionPlugins {
             .add(BoundsPlugin)
             .add(BroadPhasePlugin)
             .add(TreeBroadPhasePlugin)
+            .add(NormalConeCullingPlugin)
             .add(CurvaturePlugin)
             .add(RefitPlugin)
             .add(OverlapPlugin)

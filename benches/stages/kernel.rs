@@ -129,8 +129,13 @@ pub fn refit_tree(_: &Sheet, stages: &mut Stages) {
 #[inline(never)]
 pub fn self_pairs(_: &Sheet, stages: &mut Stages) {
     stages.candidates.clear();
-    let cull =
-        PairCull { triangles: [&stages.leaf_triangles; 2], neighbors: true, slabs: f32::INFINITY, planes_only: false };
+    let cull = PairCull {
+        triangles: [&stages.leaf_triangles; 2],
+        neighbors: true,
+        slabs: f32::INFINITY,
+        search_from: &[],
+        planes_only: false,
+    };
     stages.tree.self_pairs_of(0..stages.tree.leaf_count(), Some(&cull), &mut stages.candidates);
 }
 
@@ -144,7 +149,7 @@ pub fn leaf_triangles(sheet: &Sheet, stages: &mut Stages) {
 pub fn self_pairs_past_slabs(sheet: &Sheet, stages: &mut Stages) {
     stages.past_slabs.clear();
     let (triangles, slabs) = ([&stages.leaf_triangles; 2], sheet.range());
-    let cull = PairCull { triangles, neighbors: true, slabs, planes_only: false };
+    let cull = PairCull { triangles, neighbors: true, slabs, search_from: &[], planes_only: false };
     stages.tree.self_pairs_of(0..stages.tree.leaf_count(), Some(&cull), &mut stages.past_slabs);
 }
 

@@ -101,7 +101,8 @@ fn traversed(a: &FuzzedSurface, b: &FuzzedSurface, settings: &PairSettings) -> V
         (tree, leaves)
     });
     let triangles = [&triangles, &other_triangles];
-    let cull = PairCull { triangles, neighbors: settings.same_surface, slabs: range, planes_only: false };
+    let cull =
+        PairCull { triangles, neighbors: settings.same_surface, slabs: range, search_from: &[], planes_only: false };
     let mut kept = Vec::new();
     if settings.same_surface {
         tree.self_pairs_of(0..tree.leaf_count(), Some(&cull), &mut kept);

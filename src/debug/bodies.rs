@@ -12,6 +12,7 @@ use crate::{
     detection::SurfaceState,
     kernel::{
         bvh::tree::BoxTree,
+        mesh::bounds::Aabb,
         spheres::{
             circumsphere::{Ball, OffsetSpheres},
             cone::{Cap, SafetyCones},
@@ -35,6 +36,8 @@ pub(super) struct Body<'a> {
     pub(super) caps: Option<Caps<'a>>,
     /// `None` if the tree is not up to date in this tick.
     pub(super) tree: Option<&'a BoxTree>,
+    /// The boxes of the regions that its traversal against itself leaves out.
+    pub(super) flat_regions: Vec<Aabb>,
 }
 
 #[derive(Clone, Copy)]
@@ -64,6 +67,7 @@ impl<'a> Body<'a> {
                     cones: carried.cones,
                 }),
                 tree: state.filter(|state| state.is_tree_current()).map(SurfaceState::tree),
+                flat_regions: state.map(SurfaceState::flat_regions).unwrap_or_default(),
             });
         }
         bodies

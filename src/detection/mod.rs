@@ -22,7 +22,8 @@ mod tetrahedra;
 pub use bounds::BoundsPlugin;
 pub use broad_phase::{
     BoxSide, BroadPhasePlugin, BroadPhaseSystems, BruteForceBroadPhasePlugin, CandidateWriter,
-    HierarchicalSpatialHashBroadPhasePlugin, SpatialHashBroadPhasePlugin, SurfaceBoxes, TreeBroadPhasePlugin,
+    HierarchicalSpatialHashBroadPhasePlugin, NormalConeCullingPlugin, SpatialHashBroadPhasePlugin, SurfaceBoxes,
+    TreeBroadPhasePlugin,
 };
 pub use exact::{ExactPlugin, ExactTrianglePairs};
 pub use pair_contacts::{PairContacts, SharedList};

@@ -1,7 +1,7 @@
 //! Why two triangles do not touch: the step at which each pair of the last detection was dropped.
 //!
 //! For debug layers, tests, and curious users, after detection. The stages record nothing. Their kernel functions run
-//! once more for the requested pairs, and the traversal runs with and without slabs to find what slabs dropped.
+//! once more for the requested pairs, and the traversal runs with and without slabs and normal cones to find what these dropped.
 
 use std::collections::HashSet;
 
@@ -72,7 +72,7 @@ pub struct PairFates<'w, 's> {
 impl PairFates<'_, '_> {
     /// Replaces `fates` by those of [`CandidateTrianglePairs::pairs`]`[place]`. First comes one for each of its
     /// `triangles`, in their order. Then come the pairs that the broad phase dropped although their boxes overlap:
-    /// [`PairFate::Planes`] for those dropped by slabs or, if it reused a list of an earlier tick,
+    /// [`PairFate::Planes`] for those dropped by slabs or normal cones or, if it reused a list of an earlier tick,
     /// [`PairFate::Remembered`] for those that the list skipped.
     ///
     /// Empty if the index is out of range or a surface no longer exists. Takes about as long as the stages of the pair
@@ -123,7 +123,7 @@ impl PairFates<'_, '_> {
         listed.filter(|triangles| !candidates.contains(triangles) && may_touch(triangles)).collect()
     }
 
-    /// The pairs of triangles that the broad phase dropped by slabs. Empty if another broad phase than the tree's ran.
+    /// The pairs of triangles that the broad phase dropped by slabs or normal cones. Empty if another broad phase than the tree's ran.
     pub(crate) fn dropped_by_slabs(&self, place: usize, pair: &SurfacePair) -> Vec<[u32; 2]> {
         if self.kept.reused(place).is_some() {
             return Vec::new();

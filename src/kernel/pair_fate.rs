@@ -38,6 +38,8 @@ pub enum PairFate {
     /// does not, `Circumsphere` drops those that the normals separate, whereas `Exact` and `Closest` measure them
     /// ([`Distance`](Self::Distance)). `Circumsphere` only with
     /// [`plane_cull`](crate::CircumsphereSettings::plane_cull). Not `BoundingSphere` and `Polygon`.
+    ///
+    /// Also pairs in a flat region that [normal cones](crate::detection::NormalConeCullingPlugin) leave out.
     Planes,
     /// The spheres of the triangles are farther apart than the range: their enclosing balls (`BoundingSphere`), or the
     /// offset spheres (`Circumsphere`).

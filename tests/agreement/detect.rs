@@ -4,8 +4,8 @@ use bevy_app::prelude::*;
 use bevy_circumsphere::{
     ContactStore,
     detection::{
-        BruteForceBroadPhasePlugin, HierarchicalSpatialHashBroadPhasePlugin, SpatialHashBroadPhasePlugin,
-        TreeBroadPhasePlugin,
+        BruteForceBroadPhasePlugin, HierarchicalSpatialHashBroadPhasePlugin, NormalConeCullingPlugin,
+        SpatialHashBroadPhasePlugin, TreeBroadPhasePlugin,
     },
     geometry::{CompactContact, TouchingPair},
     prelude::*,
@@ -22,6 +22,7 @@ use glam::{DVec3, Vec3};
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum BroadPhase {
     Tree,
+    TreeWithoutCones,
     SpatialHash,
     HierarchicalHash,
     BruteForce,
@@ -29,7 +30,8 @@ pub enum BroadPhase {
 }
 
 impl BroadPhase {
-    pub const ALL: [Self; 5] = [Self::Tree, Self::SpatialHash, Self::HierarchicalHash, Self::BruteForce, Self::Parry];
+    pub const ALL: [Self; 6] =
+        [Self::Tree, Self::TreeWithoutCones, Self::SpatialHash, Self::HierarchicalHash, Self::BruteForce, Self::Parry];
 }
 
 /// A self-colliding mesh in its own app.
@@ -50,10 +52,11 @@ impl Detector {
         let plugins = DeformableCollisionPlugins::new(Update).build();
         match broad_phase {
             BroadPhase::Tree => app.add_plugins(plugins),
+            BroadPhase::TreeWithoutCones => app.add_plugins(plugins.disable::<NormalConeCullingPlugin>()),
             _ => app.add_plugins(plugins.disable::<TreeBroadPhasePlugin>()),
         };
         match broad_phase {
-            BroadPhase::Tree => &mut app,
+            BroadPhase::Tree | BroadPhase::TreeWithoutCones => &mut app,
             BroadPhase::SpatialHash => app.add_plugins(SpatialHashBroadPhasePlugin::default()),
             BroadPhase::HierarchicalHash => app.add_plugins(HierarchicalSpatialHashBroadPhasePlugin::default()),
             BroadPhase::BruteForce => app.add_plugins(BruteForceBroadPhasePlugin),

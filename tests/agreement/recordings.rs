@@ -40,6 +40,13 @@ fn exact_methods_find_the_pairs_of_the_reference_on_recordings() {
             let distance = edges * mean_edge;
             let mut refined =
                 Detector::new(&rest, &recording.triangles, ContactMethod::Exact, BroadPhase::Tree, distance);
+            let mut without_cones = Detector::new(
+                &rest,
+                &recording.triangles,
+                ContactMethod::Exact,
+                BroadPhase::TreeWithoutCones,
+                distance,
+            );
             let mut polygon =
                 Detector::new(&rest, &recording.triangles, ContactMethod::Polygon, BroadPhase::Tree, distance);
             let mut closest =
@@ -48,7 +55,11 @@ fn exact_methods_find_the_pairs_of_the_reference_on_recordings() {
                 let positions = frame(place);
                 let what = format!("{} frame {place} at {edges} edges", path.display());
                 let truth = truth(&rest, &positions, &recording.triangles, distance);
-                let (found, _) = refined.detect(&positions);
+                let (found, contacts) = refined.detect(&positions);
+                assert!(
+                    without_cones.detect(&positions) == (found.clone(), contacts),
+                    "{what}: normal cones change contacts"
+                );
                 // The tolerance of separations is relative to the contact distance, which is the stricter bound.
                 compared += assert_agrees(&what, &found, &truth, distance, 0.0).matched;
                 assert_eq!(found, polygon.detect(&positions).0, "{what}: Exact and Polygon differ");

@@ -51,6 +51,7 @@ fn a_list_has_every_pair_within_the_skin_and_bounds_no_greater_than_the_distance
                 triangles: [&a.triangles, &other.triangles],
                 neighbors: is_self,
                 slabs: range + skin,
+                search_from: &[],
                 planes_only: false,
             };
             let (mut pairs, leaves) = (BoundedPairs::default(), a.tree.leaf_count());

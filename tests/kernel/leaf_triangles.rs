@@ -40,7 +40,7 @@ fn as_leaves(surface: &Surface, range: f32) -> (BoxTree, LeafTriangles) {
 }
 
 fn cull(triangles: [&LeafTriangles; 2], slabs: f32, planes_only: bool) -> PairCull<'_> {
-    PairCull { triangles, neighbors: false, slabs, planes_only }
+    PairCull { triangles, neighbors: false, slabs, search_from: &[], planes_only }
 }
 
 /// Counts of rejected pairs, and of all pairs beyond the range.

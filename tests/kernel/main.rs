@@ -9,6 +9,7 @@ mod cone;
 mod convex_shapes;
 mod curvature;
 mod exact;
+mod flat_regions;
 mod last_first;
 mod leaf_triangles;
 mod moved_triangles;

@@ -3,7 +3,7 @@
 use bevy_app::prelude::*;
 use bevy_circumsphere::{
     ContactStore,
-    detection::{BruteForceBroadPhasePlugin, TreeBroadPhasePlugin},
+    detection::{BruteForceBroadPhasePlugin, NormalConeCullingPlugin, TreeBroadPhasePlugin},
     geometry::{CompactContact, TouchingPair},
     prelude::*,
 };
@@ -87,6 +87,7 @@ impl Count {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum BroadPhase {
     Tree,
+    TreeWithoutCones,
     BruteForce,
 }
 
@@ -103,10 +104,14 @@ pub struct Setup {
 impl Setup {
     pub const REFINED: Self = Self { method: ContactMethod::Exact, broad_phase: BroadPhase::Tree, threads: 1 };
 
-    /// The exact methods with both broad phases.
+    /// The exact methods with the tree, with and without normal cones, and with brute force.
     pub fn exact() -> impl Iterator<Item = Self> {
         EXACT_METHODS.into_iter().flat_map(|method| {
-            [BroadPhase::Tree, BroadPhase::BruteForce].map(|broad_phase| Self { method, broad_phase, threads: 1 })
+            [BroadPhase::Tree, BroadPhase::TreeWithoutCones, BroadPhase::BruteForce].map(|broad_phase| Self {
+                method,
+                broad_phase,
+                threads: 1,
+            })
         })
     }
 
@@ -165,6 +170,9 @@ impl SmallWorld {
         let mut app = App::new();
         match setup.broad_phase {
             BroadPhase::Tree => app.add_plugins(DeformableCollisionPlugins::new(Update)),
+            BroadPhase::TreeWithoutCones => {
+                app.add_plugins(DeformableCollisionPlugins::new(Update).build().disable::<NormalConeCullingPlugin>())
+            }
             BroadPhase::BruteForce => app
                 .add_plugins(DeformableCollisionPlugins::new(Update).build().disable::<TreeBroadPhasePlugin>())
                 .add_plugins(BruteForceBroadPhasePlugin),

@@ -55,7 +55,8 @@ pub struct RerunSettings {
     /// Triangles colored by the age of their sphere's recipe. Default `Off`.
     pub recipe_age: LevelOfDetail,
     /// Number of levels of each surface's tree, from the root, if the tree is up to date in the tick. Default 4, which
-    /// is up to 585 boxes per surface.
+    /// is up to 585 boxes per surface. Beside the levels, the boxes of the regions that
+    /// [normal cones](crate::detection::NormalConeCullingPlugin) leave out.
     pub tree_levels: u32,
 }
 

@@ -20,7 +20,10 @@ use crate::{
         bodies::{Body, Caps, RIM_CORNERS},
         tick::{Detected, Touches},
     },
-    kernel::spheres::{circumsphere::Ball, cone::Cap},
+    kernel::{
+        mesh::bounds::Aabb,
+        spheres::{circumsphere::Ball, cone::Cap},
+    },
 };
 
 /// What this module draws.
@@ -154,7 +157,13 @@ fn draw_faces(
     }
 }
 
+/// Draws the upper levels of trees, and the regions that their traversals leave out.
 fn draw_trees(writer: &mut TickWriter, levels: u32, shown: &Shown) {
+    let center_and_half = |bounds: &Aabb| {
+        let half_size = (bounds.max - bounds.min) * 0.5;
+        [(bounds.min + half_size).to_array(), half_size.to_array()]
+    };
+    let has_flat_regions = |body: &Body| levels > 0 && !body.flat_regions.is_empty();
     let nodes: Vec<Vec<Vec<[[f32; 3]; 2]>>> = shown
         .bodies
         .iter()
@@ -165,10 +174,12 @@ fn draw_trees(writer: &mut TickWriter, levels: u32, shown: &Shown) {
                     if level < levels {
                         let level = level as usize;
                         nodes.resize_with(nodes.len().max(level + 1), Vec::new);
-                        let half_size = (bounds.max - bounds.min) * 0.5;
-                        nodes[level].push([(bounds.min + half_size).to_array(), half_size.to_array()]);
+                        nodes[level].push(center_and_half(bounds));
                     }
                 });
+            }
+            if has_flat_regions(body) {
+                nodes.push(body.flat_regions.iter().map(center_and_half).collect());
             }
             nodes
         })
@@ -177,18 +188,24 @@ fn draw_trees(writer: &mut TickWriter, levels: u32, shown: &Shown) {
     let mut share = writer.share(Layer::Tree, count, 12 + 12, nodes.iter().map(Vec::len).sum(), row_bytes(7));
     for (body, nodes) in shown.bodies.iter().zip(nodes) {
         let (name, pose) = (shown.names.of(body.surface.entity), transform(&body.surface.pose));
+        let level_count = nodes.len() - usize::from(has_flat_regions(body));
         for (level, nodes) in nodes.iter().enumerate() {
             let kept: Vec<[[f32; 3]; 2]> = share.places(nodes.len()).into_iter().map(|place| nodes[place]).collect();
             if kept.is_empty() {
                 continue;
             }
+            let (group, color) = if level < level_count {
+                (format!("level {level:02}"), colors::LEVELS[level % colors::LEVELS.len()])
+            } else {
+                ("flat regions".to_owned(), colors::GREEN)
+            };
             let boxes =
                 Boxes3D::from_centers_and_half_sizes(kept.iter().map(|node| node[0]), kept.iter().map(|node| node[1]))
-                    .with_colors([colors::LEVELS[level % colors::LEVELS.len()]])
+                    .with_colors([color])
                     .with_fill_mode(FillMode::MajorWireframe)
                     .with_radii([colors::THIN]);
             let rows: [&dyn AsComponents; 2] = [&boxes, &pose];
-            writer.passing_row(path([Layer::Tree.name(), &name, &format!("level {level:02}")]), &rows);
+            writer.passing_row(path([Layer::Tree.name(), &name, &group]), &rows);
         }
     }
 }

@@ -33,8 +33,8 @@ use crate::{
 pub use brute_force::BruteForceBroadPhasePlugin;
 pub use custom::{BoxSide, CandidateWriter, SurfaceBoxes};
 pub use spatial_hash::{HierarchicalSpatialHashBroadPhasePlugin, SpatialHashBroadPhasePlugin};
-pub use tree::TreeBroadPhasePlugin;
 pub(super) use tree::{MovedLeaves, Traversal, needed::Needed};
+pub use tree::{NormalConeCullingPlugin, TreeBroadPhasePlugin};
 
 /// A tree is rebuilt when its boxes have grown by this factor relative to the whole. A refitted tree gives correct
 /// results at any age, but becomes slower.

@@ -44,7 +44,10 @@ use crate::{
 
 mod lists;
 pub(super) mod needed;
+mod normal_cones;
 mod update;
+
+pub use normal_cones::NormalConeCullingPlugin;
 
 /// Leaves whose pairs one thread finds at a time: at least and at most. Adjacent leaves have the same leaves near them.
 /// What one thread has loaded of those, the next must load again: on two threads, 256 take 0.93 of the time of 64.
@@ -297,6 +300,7 @@ impl<'a> Traversal<'a> {
             slabs,
             // `Circumsphere` tests planes itself, and must drop the same pairs whatever finds its candidates. It loses no
             // pair of a smooth surface.
+            search_from: own.tree.search_from(slabs),
             planes_only: !pair.method.is_exact() && !pair.is_smooth(active),
         });
         Some(Self { leaves, tree, is_self, is_reversed: side == 1, cull })
@@ -331,7 +335,7 @@ impl<'a> Traversal<'a> {
     fn append_dropped_by_slabs(&self, leaves: Range<usize>, dropped: &mut Vec<[u32; 2]>) {
         let Some(cull) = self.cull.as_ref().filter(|cull| cull.slabs.is_finite()) else { return };
         let (mut all, mut kept) = (Vec::new(), Vec::new());
-        self.append(leaves.clone(), Some(&PairCull { slabs: f32::INFINITY, ..*cull }), &mut all);
+        self.append(leaves.clone(), Some(&PairCull { slabs: f32::INFINITY, search_from: &[], ..*cull }), &mut all);
         self.append(leaves, Some(cull), &mut kept);
         let mut kept = kept.into_iter().peekable();
         dropped.extend(all.into_iter().filter(|pair| kept.next_if_eq(pair).is_none()));

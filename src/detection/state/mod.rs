@@ -121,6 +121,17 @@ impl SurfaceState {
         self.tree.tree()
     }
 
+    /// The boxes of the regions that a traversal of the tree against itself leaves out because they are flat: see
+    /// [`NormalConeCullingPlugin`](crate::detection::NormalConeCullingPlugin).
+    #[must_use]
+    pub fn flat_regions(&self) -> Vec<Aabb> {
+        let mut boxes = Vec::new();
+        if self.is_tree_current() {
+            self.tree.visit_flat_regions(|bounds| boxes.push(*bounds));
+        }
+        boxes
+    }
+
     /// Whether the tree matches the current boxes.
     #[must_use]
     pub fn is_tree_current(&self) -> bool {

@@ -9,6 +9,7 @@
 //! depends on the size and distance of the leaves, wherever the surface is.
 
 mod close_pairs;
+mod facing;
 mod lane_numbers;
 mod leaf_mesh;
 mod lower_bounds;
@@ -287,6 +288,8 @@ pub struct PairCull<'a> {
     /// their patches may be from them. Infinite if slabs drop none. Not an `Option`: compilers multiply its payload before they check whether there is one. An
     /// unset payload may be subnormal, and then each product takes as long as a hundred others.
     pub slabs: f32,
+    /// For each leaf of a self-collision, the first leaf from its own on with which it is compared. Empty if all are.
+    pub search_from: &'a [u32],
     /// Whether only slabs along the normals count, and only if they hold with the normals in f64. Meant for a method
     /// that tests these slabs itself, so that it drops the same pairs wherever they come from. Otherwise any direction
     /// counts, as it is rounded.
@@ -303,6 +306,12 @@ impl<'a> PairCull<'a> {
         } else {
             None
         })
+    }
+
+    /// The first leaf from `leaf` on with which it is compared in a self-collision.
+    #[cfg_attr(not(unoptimized), inline(always))]
+    pub(in crate::kernel) fn search_from(&self, leaf: usize) -> u32 {
+        self.search_from.get(leaf).copied().unwrap_or(leaf as u32)
     }
 
     /// Whether slabs drop any pairs.

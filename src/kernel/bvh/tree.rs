@@ -9,6 +9,8 @@
 mod bounded;
 mod pairs;
 
+use std::ops::Range;
+
 use arrayvec::ArrayVec;
 use fearless_simd::{f32x8, prelude::*};
 use glam::Vec3;
@@ -117,6 +119,14 @@ struct Leaf {
     count: u32,
 }
 
+/// Everything below a node.
+pub(super) struct Subtree<'a> {
+    pub(super) node: usize,
+    pub(super) leaves: Range<usize>,
+    /// The box around it.
+    pub(super) bounds: &'a Aabb,
+}
+
 /// A bounding volume hierarchy over a fixed number of items.
 #[derive(Clone, Debug, Default)]
 pub struct BoxTree {
@@ -164,6 +174,26 @@ impl BoxTree {
         }
     }
 
+    /// Visits what is below each node, starting with the root. `visit` returns whether to go on with its children.
+    pub(super) fn visit_subtrees(&self, visit: &mut dyn FnMut(Subtree<'_>) -> bool) {
+        let mut open: ArrayVec<(u32, Range<usize>), STACK> = ArrayVec::new();
+        open.extend((!self.nodes.is_empty()).then_some((0, 0..self.leaves.len())));
+        while let Some((place, leaves)) = open.pop() {
+            let node = &self.nodes[place as usize];
+            let mut start = leaves.start;
+            if !visit(Subtree { node: place as usize, leaves, bounds: &node.bounds }) {
+                continue;
+            }
+            for lane in 0..node.child_count as usize {
+                let own = start..node.ends[lane] as usize;
+                start = own.end;
+                if node.leaf_children & (1 << lane) == 0 {
+                    open.push((node.children[lane], own));
+                }
+            }
+        }
+    }
+
     /// The number of items.
     #[must_use]
     pub fn len(&self) -> usize {
@@ -189,13 +219,21 @@ impl BoxTree {
     }
 
     /// The items of a leaf.
-    pub(crate) fn leaf_items(&self, leaf: usize) -> &[u32] {
+    ///
+    /// # Panics
+    /// If there is no such leaf.
+    #[must_use]
+    pub fn leaf_items(&self, leaf: usize) -> &[u32] {
         let Leaf { items, count, .. } = &self.leaves[leaf];
         &items[..*count as usize]
     }
 
     /// The box around the items of a leaf.
-    pub(in crate::kernel) fn leaf_bounds(&self, leaf: usize) -> &Aabb {
+    ///
+    /// # Panics
+    /// If there is no such leaf.
+    #[must_use]
+    pub fn leaf_bounds(&self, leaf: usize) -> &Aabb {
         &self.leaves[leaf].bounds
     }
 

@@ -58,6 +58,7 @@ pub(super) fn make_list(
         return;
     }
     cull.slabs = range + skin;
+    cull.search_from = states[pair.first].tree.search_from(cull.slabs);
     let looked_at = AtomicUsize::new(0);
     append_parts(
         traversal.leaves.leaf_count(),

@@ -53,6 +53,7 @@ impl BoxTree {
             let place = leaves.start + passed;
             let first = if SELF { place as u32 } else { 0 };
             search.begin(simd, other_tree, own, passed, 0.0, first);
+            let first = if SELF { cull.map_or(first, |cull| cull.search_from(place)) } else { 0 };
             while search.go_on(simd, other_tree, &leaf.bounds, first) {
                 for &other_place in search.found() {
                     let other_place = other_place as usize;
