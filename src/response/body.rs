@@ -34,7 +34,8 @@ pub struct XpbdMaterial {
     /// Mass per area of the surface, in kilograms per square meter; more than 0. Default 0.2, a light cloth.
     pub area_density: f32,
     /// Compliance of every edge against stretching and compression, in meters per newton; 0 or more. Default 0: cloth
-    /// hardly stretches.
+    /// hardly stretches, and no vertex gets farther from the pins than the way along the edges is long at rest (Kim,
+    /// Chentanez and Müller-Fischer 2012, "Long Range Attachments").
     #[cfg_attr(feature = "serde", serde(with = "super::infinite"))]
     pub stretch_compliance: f32,
     /// Compliance of every inner edge against bending, in radians per newton meter; 0 or more. Default 30,000, a soft
@@ -176,7 +177,6 @@ pub(super) struct RestShape {
     /// Of each triangle.
     pub(super) areas: Vec<f32>,
     /// What it was made from.
-    #[cfg(feature = "serde")]
     pub(super) positions: Vec<Vec3>,
 }
 
@@ -204,7 +204,6 @@ impl RestShape {
             springs: SpringRests::new(points.len(), &slabs, springs.into_iter()),
             hinges: HingeRests::new(points.len(), &slabs, hinges.into_iter()),
             volume: volume.flatten(),
-            #[cfg(feature = "serde")]
             positions: positions.to_vec(),
         }
     }

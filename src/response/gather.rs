@@ -17,6 +17,7 @@ use glam::{DVec3, Vec3};
 use self::watch::Unwatched;
 pub(super) use self::watch::Watch;
 use super::{
+    anchors::Anchors,
     body::XpbdBody,
     contact::{ContactConstraint, Features},
     forces::SurfaceForces,
@@ -78,6 +79,7 @@ impl Driven {
 pub(super) struct Gatherer {
     driven: EntityHashMap<Driven>,
     bodies: EntityHashMap<usize>,
+    anchors: Anchors,
     tick: u64,
     known: HashSet<Features4>,
     /// How far each particle would move in the tick if nothing pushed it, for contacts of bodies.
@@ -121,6 +123,7 @@ impl Gatherer {
     /// Forgets the particles of the last tick.
     pub(super) fn begin(&mut self) {
         self.tick += 1;
+        self.anchors.begin();
         self.bodies.clear();
         self.reactions.begin_part();
         for driven in self.driven.values_mut() {
@@ -166,6 +169,7 @@ impl Gatherer {
             let particle_of = |vertex: VertexId| Some(first as u32 + weld.get(vertex.index())?);
             tethers.in_part(scene.motions.shares(), particle_of).for_each(|tether| solver.tether(&tether));
         }
+        self.anchors.attach(solver, surface.entity);
         if let Ok(wind) = scene.winds.get(surface.entity) {
             solver.blow(wind.air());
         }

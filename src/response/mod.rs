@@ -116,6 +116,7 @@
 //! assert!(height(sheets[1]) - height(sheets[0]) > 0.08, "they were 0.04 apart and have to be 0.1");
 //! ```
 
+mod anchors;
 mod body;
 mod contact;
 mod forces;

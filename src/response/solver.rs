@@ -25,7 +25,9 @@ use crate::{
     kernel::{
         mesh::topology::SurfaceTopology,
         simd::parallel::{Sequential, Team, share},
-        xpbd::{Air, Evaluation, Hinges, MovingRows, ParticleRows, Springs, Tethered, Tethers, Volumes, Winds},
+        xpbd::{
+            Air, Attachments, Evaluation, Hinges, MovingRows, ParticleRows, Springs, Tethered, Tethers, Volumes, Winds,
+        },
     },
 };
 
@@ -169,6 +171,7 @@ pub(super) struct Solver {
     /// Forces on particles.
     pub(super) forces: Vec<(u32, Vec3)>,
     tethers: Tethers,
+    attachments: Attachments,
     winds: Winds,
     pub(super) rows: ParticleRows,
     inners: Inners,
@@ -194,6 +197,7 @@ impl Solver {
         self.bodies.clear();
         self.forces.clear();
         self.tethers.clear();
+        self.attachments.clear();
         self.winds.clear();
     }
 
@@ -205,6 +209,11 @@ impl Solver {
         } else {
             self.tethers.push(tethered, self.particles.start[particle]);
         }
+    }
+
+    /// Keeps particles, each of them named once, within distances of kinematic ones.
+    pub(super) fn attach(&mut self, attached: impl Iterator<Item = ([usize; 2], f64)>) {
+        self.attachments.add(attached, &self.particles.start);
     }
 
     /// Puts the body that was added last into a wind.
@@ -264,7 +273,7 @@ impl Solver {
                     self.contacts.extend(team, &self.particles, self.rows.moving(), passed);
                 }
             }
-            let Self { bodies, contacts, forces, tethers, winds, rows, inners, .. } = self;
+            let Self { bodies, contacts, forces, tethers, attachments, winds, rows, inners, .. } = self;
             for body in &*bodies {
                 let kept = (1.0 - f64::from(body.material.drag) * step).max(0.0);
                 rows.slow_down(body.first, body.topology.vertex_count(), kept as f32);
@@ -280,6 +289,7 @@ impl Solver {
             inners.begin_step();
             for _ in 0..settings.iterations {
                 inners.solve(team, bodies, rows, step);
+                attachments.solve(rows.moving());
                 tethers.solve(rows, share as f32);
                 contacts.solve(team, rows.moving());
             }

@@ -29,9 +29,9 @@ fn strip(cells: [usize; 2], place: impl Fn(Vec2) -> Vec3) -> Mesh {
     mesh
 }
 
-/// A ramp that winds up around the y axis, as seen from above, by so many turns, and rises by `rise` in each.
-fn ramp(turns: f32, rise: f32) -> Mesh {
-    strip([100, 4], |at| {
+/// A ramp that winds up around the y axis, as seen from above, by so many turns of `cells` cells, and rises by `rise` in each.
+fn ramp(turns: f32, rise: f32, cells: usize) -> Mesh {
+    strip([cells, 4], |at| {
         let (sine, cosine) = sin_cos(at.x * turns * std::f32::consts::TAU);
         let radius = 1.0 + 0.4 * at.y;
         Vec3::new(radius * cosine, at.x * turns * rise, radius * sine)
@@ -73,10 +73,10 @@ fn scenes() -> Vec<(&'static str, Mesh)> {
     vec![
         ("a sheet", wavy),
         ("a noisy sheet", noisy),
-        ("half a turn of a ramp", ramp(0.5, 0.2)),
-        ("an open ring", ramp(0.99, 0.0)),
-        ("a ramp", ramp(1.7, 0.05)),
-        ("a steep ramp", ramp(2.5, 0.4)),
+        ("half a turn of a ramp", ramp(0.5, 0.2, 20)),
+        ("an open ring", ramp(0.99, 0.0, 40)),
+        ("a ramp", ramp(1.7, 0.05, 68)),
+        ("a steep ramp", ramp(2.5, 0.4, 100)),
         ("a slit", slit(0.01)),
         ("rings", rings(0.02)),
         (

@@ -170,6 +170,85 @@ fn a_gale_in_a_pinned_sheet_adds_no_speed_and_no_area() {
     }
 }
 
+/// The length of the shortest way along the edges from a vertex to each other one, by relaxing all edges until nothing
+/// changes.
+fn along_edges(mesh: &Mesh, from: usize) -> Vec<f64> {
+    let at = |vertex: u32| Vec3::from(mesh.positions[vertex as usize]).as_dvec3();
+    let mut lengths = vec![f64::INFINITY; mesh.positions.len()];
+    lengths[from] = 0.0;
+    loop {
+        let before = lengths.clone();
+        for &[a, b, c] in &mesh.triangles {
+            for [from, to] in [[a, b], [b, c], [c, a], [b, a], [c, b], [a, c]] {
+                let along = lengths[from as usize] + at(from).distance(at(to));
+                lengths[to as usize] = lengths[to as usize].min(along);
+            }
+        }
+        if lengths == before {
+            return lengths;
+        }
+    }
+}
+
+#[test]
+fn pinned_cloth_is_no_longer_than_its_way_along_the_edges() {
+    // Bounds of the longest distance from a pin, as a multiple of the way, and of the longest edge. In a gale, two pins pull
+    // a vertex apart.
+    for (wind, rate, cells, most_of_way, most_of_edge) in [
+        (0.0, 60.0, 16, 1.01, 1.02),
+        (0.0, 30.0, 16, 1.01, 1.05),
+        (0.0, 60.0, 40, 1.03, 1.1),
+        (10.0, 60.0, 16, 1.03, 1.2),
+        (30.0, 30.0, 40, 1.3, 4.0),
+    ] {
+        let mut scene = Scene::new();
+        let mesh = sheet(cells, 2.0);
+        let pins = [0, cells];
+        let wind = SurfaceWind { velocity: Vec3::Z * wind, ..SurfaceWind::default() };
+        let body = scene.add(&mesh, XpbdMaterial::CLOTH, wind);
+        let pinned = scene.body(body).clone().pinned(pins.map(|pin| VertexId(pin as u32)));
+        scene.app.world_mut().entity_mut(body).insert(pinned);
+        let ways = pins.map(|pin| along_edges(&mesh, pin));
+        let rest: Vec<Vec3> = scene.positions(body).to_vec();
+        let (mut fullest, mut longest) = (0.0_f64, 0.0_f32);
+        for _ in 0..ticks_in(3.0, rate) {
+            scene.tick(1.0 / rate);
+            let now = scene.positions(body);
+            for (pin, way) in pins.iter().zip(&ways) {
+                for (vertex, length) in way.iter().enumerate().filter(|(_, length)| **length > 0.0) {
+                    fullest = fullest.max(now[vertex].as_dvec3().distance(now[*pin].as_dvec3()) / length);
+                }
+            }
+            for &[a, b, c] in &mesh.triangles {
+                for [from, to] in [[a, b], [b, c], [c, a]].map(|ends| ends.map(|end| end as usize)) {
+                    longest = longest.max(now[from].distance(now[to]) / rest[from].distance(rest[to]));
+                }
+            }
+        }
+        let is_taut = (0.99..most_of_way).contains(&fullest);
+        assert!(is_taut, "{wind:?} at {rate} Hz, {cells} cells: {fullest} of the way");
+        assert!(longest < most_of_edge, "{wind:?} at {rate} Hz, {cells} cells: an edge is {longest} times as long");
+        // What is no longer pinned falls.
+        scene.body_mut(body).inverse_masses[0] = 10.0;
+        scene.body_mut(body).inverse_masses[cells] = 10.0;
+        scene.run(60);
+        assert!(scene.positions(body)[0].distance(rest[0]) > 1.0);
+    }
+}
+
+#[test]
+fn elastic_cloth_may_hang_lower_than_its_way_along_the_edges() {
+    let mut scene = Scene::new();
+    let material = XpbdMaterial { stretch_compliance: 0.2, ..XpbdMaterial::CLOTH };
+    let body = scene.add(&sheet(8, 1.0), material, ());
+    let pinned = scene.body(body).clone().pinned((0..9).map(VertexId));
+    scene.app.world_mut().entity_mut(body).insert(pinned);
+    let last = scene.positions(body).len() - 1;
+    let top = scene.positions(body)[8];
+    scene.run(300);
+    assert!(scene.positions(body)[last].distance(top) > 1.05, "{}", scene.positions(body)[last].distance(top));
+}
+
 #[test]
 fn forces_and_impulses_accelerate_by_what_they_weigh() {
     let mut scene = Scene::new();

@@ -7,7 +7,6 @@ pub mod corner_rows;
 pub mod curved_edges;
 #[cfg(feature = "mesh")]
 pub mod driven;
-#[cfg(feature = "mesh")]
 pub mod edge_distances;
 pub(in crate::kernel) mod fans;
 pub mod feature;

@@ -11,6 +11,7 @@
 //! are solved at a time.
 
 mod acting;
+mod attachments;
 pub mod coloring;
 mod contacts;
 mod features;
@@ -24,6 +25,7 @@ mod volume;
 mod wind;
 
 pub use acting::Evaluation;
+pub use attachments::Attachments;
 pub use contacts::{At, Contact, FeatureParticles, Plane};
 pub use features::FeatureKind;
 pub use hinges::{HingeRests, Hinges, bend_at};

@@ -9,7 +9,7 @@ use super::{
 };
 use crate::{
     geometry::{SurfaceTopology, VertexId},
-    kernel::mesh::edge_distances::edge_distances,
+    kernel::mesh::edge_distances::nearest_along_edges,
     surface::SurfaceMeshError,
 };
 
@@ -73,7 +73,8 @@ impl Freedom {
             let [low, high] = heights[component];
             height >= high - (high - low) * pinned_height
         });
-        Self::ByDistance(edge_distances(topology, positions, pinned.map(|(corner, ..)| corner)))
+        let nearest = nearest_along_edges(topology, positions, pinned.map(|(corner, ..)| corner));
+        Self::ByDistance(nearest.into_iter().map(|found| found.map_or(f32::INFINITY, |(_, length)| length)).collect())
     }
 
     /// The longest distance of a vertex from its place.

@@ -3,9 +3,10 @@
 use bevy_app::prelude::*;
 use bevy_ecs::prelude::*;
 
-use super::{pair_triangles, slab_range, update_trees};
+use super::{TreeBroadPhasePlugin, pair_triangles, slab_range, update_trees};
 use crate::{
     detection::{
+        broad_phase::BroadPhaseSystems,
         pairs::{CandidateTrianglePairs, OtherSide},
         reuse::{
             DetectionMemory,
@@ -20,18 +21,22 @@ use crate::{
     surface::ActiveSurfaces,
 };
 
-/// Lets [`TreeBroadPhasePlugin`](super::TreeBroadPhasePlugin) leave out regions of a self-colliding surface that are so
+/// Lets [`TreeBroadPhasePlugin`] leave out regions of a self-colliding surface that are so
 /// flat that nothing in one comes near anything else in it. Contacts are the same with and without it.
 ///
 /// A region is left out if its normals lie in a cone of less than 90 degrees and its contour, seen along the axis, does
 /// not come near itself (Volino and Magnenat-Thalmann 1994, extended from crossings to distances). The regions are kept
 /// until the surface has moved too far within itself. Where that does not pay, they are looked for more and more
-/// rarely. Only for exact methods, and not for smooth surfaces, whose patches are not flat.
+/// rarely. Only for exact methods, and not for smooth surfaces, whose patches are not flat. Does nothing unless the plugin
+/// of the tree was added before.
 pub struct NormalConeCullingPlugin;
 
 impl Plugin for NormalConeCullingPlugin {
     fn build(&self, app: &mut App) {
-        app.add_systems(SurfaceDetection, find_flat_regions.after(update_trees).before(pair_triangles));
+        if app.is_plugin_added::<TreeBroadPhasePlugin>() {
+            let find = find_flat_regions.after(update_trees).before(pair_triangles);
+            app.add_systems(SurfaceDetection, find.in_set(BroadPhaseSystems::PairTriangles));
+        }
     }
 }
 

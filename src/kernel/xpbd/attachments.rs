@@ -1,0 +1,116 @@
+//! Long-range attachments: keep a particle no farther from a kinematic one than the cloth between them is long.
+//!
+//! Springs pass a pull on from edge to edge, a few edges per substep, so a hanging cloth stretches the more the finer it
+//! is. The distance along the edges is a bound that every vertex knows by itself (Kim, Chentanez and Müller-Fischer
+//! 2012, "Long Range Attachments").
+
+use fearless_simd::{f32x8, prelude::*};
+use glam::DVec3;
+
+use super::rows::{Gathered, MovingRows, NOBODY, Places, gather, row_of, scatter_free, set_lane};
+use crate::kernel::simd::lanes::{VectorLanes, VectorRows, WIDTH};
+
+/// Eight attachments.
+#[derive(Clone, Debug)]
+struct Block {
+    particles: Places,
+    /// The kinematic particles.
+    anchors: Places,
+    /// From the anchor to the particle, at the beginning of the tick.
+    start: VectorRows,
+    longest: [f32; WIDTH],
+}
+
+impl Block {
+    const EMPTY: Self = Self {
+        particles: [NOBODY; WIDTH],
+        anchors: [NOBODY; WIDTH],
+        start: VectorRows::ZERO,
+        longest: [f32::INFINITY; WIDTH],
+    };
+}
+
+/// The attachments of all bodies in a tick.
+#[derive(Debug, Default)]
+pub struct Attachments {
+    blocks: Vec<Block>,
+}
+
+impl Attachments {
+    pub fn clear(&mut self) {
+        self.blocks.clear();
+    }
+
+    /// Attaches particles, each of them named once, to kinematic ones: a particle, its anchor, and the longest distance
+    /// between them in world units. `start` are the places of all particles at the beginning of the tick.
+    pub fn add(&mut self, attached: impl Iterator<Item = ([usize; 2], f64)>, start: &[DVec3]) {
+        for (number, ([particle, anchor], longest)) in attached.enumerate() {
+            let lane = number % WIDTH;
+            if lane == 0 {
+                self.blocks.push(Block::EMPTY);
+            }
+            let Some(block) = self.blocks.last_mut() else { return };
+            block.particles[lane] = row_of(particle);
+            block.anchors[lane] = row_of(anchor);
+            set_lane(&mut block.start, lane, start[particle] - start[anchor]);
+            block.longest[lane] = longest as f32;
+        }
+    }
+
+    /// Moves every particle that is too far away straight to the longest distance.
+    pub fn solve(&self, rows: MovingRows<'_>) {
+        dispatch!(simd => self.solve_in_lanes(simd, rows));
+    }
+
+    #[cfg_attr(not(unoptimized), inline(always))]
+    fn solve_in_lanes<S: Simd>(&self, simd: S, rows: MovingRows<'_>) {
+        for Block { particles, anchors, start, longest } in &self.blocks {
+            let particle = gather(simd, &rows.displacement, particles);
+            let anchor = gather(simd, &rows.displacement, anchors);
+            let offset = VectorLanes::load(simd, start).plus(particle.vector - anchor.vector);
+            let (squared, longest) = (offset.dot(offset), f32x8::from_slice(simd, longest));
+            let is_far = squared.simd_gt(longest * longest);
+            if !is_far.any_true() {
+                continue;
+            }
+            let excess = is_far.select(longest / squared.sqrt() - 1.0, f32x8::splat(simd, 0.0));
+            let vector = particle.vector.plus(offset.scaled(excess));
+            scatter_free(Gathered { vector, ..particle }, rows.displacement, particles);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::Vec3;
+
+    use super::*;
+    use crate::kernel::xpbd::{ParticleRows, Placed};
+
+    #[test]
+    fn particles_come_back_to_their_longest_distance_from_an_anchor_that_moves() {
+        let mut rows = ParticleRows::default();
+        // Eleven particles that fly apart, and an anchor that moves by one.
+        let away = |number: usize| DVec3::new(0.3 * number as f64, 0.1, -0.2 * number as f64);
+        let flying = (0..11).map(|number| Placed { way: DVec3::ZERO, velocity: away(number), inverse_mass: 3.0 });
+        let anchor = Placed { way: DVec3::Y, velocity: DVec3::ZERO, inverse_mass: 0.0 };
+        rows.begin(flying.chain([anchor]));
+        let mut attachments = Attachments::default();
+        let mut start = [DVec3::X; 12];
+        start[11] = DVec3::ZERO;
+        attachments.add((0..11).map(|number| ([number, 11], 1.5)), &start);
+        rows.predict(1.0, Vec3::ZERO, 1.0);
+        attachments.solve(rows.moving());
+        let mut held = 0;
+        for number in 0..11 {
+            let free = DVec3::X + away(number) - DVec3::Y;
+            let is_far = free.length() > 1.5;
+            let expected = if is_far { free * (1.5 / free.length()) } else { free };
+            let found = DVec3::X + rows.state(number)[0] - rows.state(11)[0];
+            assert!(found.distance(expected) < 1e-6, "{number}: {found} instead of {expected}");
+            held += usize::from(is_far);
+        }
+        assert!(held > 3 && held < 11, "{held} were too far away");
+        assert_eq!(rows.state(11)[0], DVec3::Y);
+    }
+}
