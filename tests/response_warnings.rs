@@ -1,51 +1,17 @@
 //! Warnings that the response logs, and how often. A separate process, because a logger captures the whole process.
 
-use std::{
-    sync::{Mutex, Once},
-    time::Duration,
-};
+use std::time::Duration;
 
 use bevy_app::prelude::*;
 use bevy_circumsphere::{prelude::*, response::*};
 use bevy_ecs::prelude::*;
 use bevy_time::Time;
 use bevy_transform::components::Transform;
-use circumsphere_support::scenes::{Mesh, cloth, icosphere};
+use circumsphere_support::{
+    scenes::{Mesh, cloth, icosphere},
+    warnings::logged_by,
+};
 use glam::Vec3;
-
-static WARNINGS: Mutex<Vec<String>> = Mutex::new(Vec::new());
-
-/// Only one world is captured at a time.
-static LISTENING: Mutex<()> = Mutex::new(());
-
-struct WarningKeeper;
-
-impl log::Log for WarningKeeper {
-    fn enabled(&self, metadata: &log::Metadata<'_>) -> bool {
-        metadata.level() <= log::Level::Warn
-    }
-
-    fn log(&self, record: &log::Record<'_>) {
-        if self.enabled(record.metadata()) {
-            WARNINGS.lock().unwrap().push(record.args().to_string());
-        }
-    }
-
-    fn flush(&self) {}
-}
-
-/// The messages logged while something runs.
-fn said_by(run: impl FnOnce()) -> Vec<String> {
-    static INSTALL: Once = Once::new();
-    INSTALL.call_once(|| {
-        log::set_logger(&WarningKeeper).unwrap();
-        log::set_max_level(log::LevelFilter::Warn);
-    });
-    let _listening = LISTENING.lock().unwrap();
-    WARNINGS.lock().unwrap().clear();
-    run();
-    std::mem::take(&mut *WARNINGS.lock().unwrap())
-}
 
 fn app() -> App {
     let mut app = App::new();
@@ -73,7 +39,7 @@ fn about<'a>(warnings: &'a [String], word: &str) -> Vec<&'a String> {
 #[test]
 fn a_fast_body_that_is_not_swept_is_warned_of_once() {
     let mut first = None;
-    let warnings = said_by(|| {
+    let warnings = logged_by(|| {
         let mut app = app();
         let sheet = cloth(8, 0.1);
         // The first body rests as long as there is no gravity.
@@ -93,7 +59,7 @@ fn a_fast_body_that_is_not_swept_is_warned_of_once() {
 
 #[test]
 fn a_swept_body_that_falls_and_comes_to_rest_is_not_warned_of() {
-    let warnings = said_by(|| {
+    let warnings = logged_by(|| {
         let mut app = app();
         app.world_mut().spawn((RigidShape(SharedShape::cuboid(2.0, 0.1, 2.0)), Transform::from_xyz(0.0, -0.1, 0.0)));
         app.world_mut().spawn((RigidShape(SharedShape::ball(0.2)), Transform::from_xyz(0.0, 0.2, 0.0)));
@@ -108,7 +74,7 @@ fn a_swept_body_that_falls_and_comes_to_rest_is_not_warned_of() {
 
 #[test]
 fn a_body_between_two_jaws_is_warned_of_once_for_as_long_as_they_are_shut() {
-    let warnings = said_by(|| {
+    let warnings = logged_by(|| {
         let mut app = app();
         let jaw = || RigidShape(SharedShape::cuboid(1.0, 0.5, 1.0));
         let jaws = [1.2, -1.2].map(|height| app.world_mut().spawn((jaw(), Transform::from_xyz(0.0, height, 0.0))).id());
@@ -136,7 +102,7 @@ fn a_body_between_two_jaws_is_warned_of_once_for_as_long_as_they_are_shut() {
 
 #[test]
 fn plugins_that_do_not_fit_are_named_and_stop_nothing() {
-    let said = said_by(|| {
+    let said = logged_by(|| {
         let mut app = App::new();
         app.add_plugins(XpbdResponsePlugin::new(Update)).init_resource::<Time>();
         app.finish();
@@ -144,7 +110,7 @@ fn plugins_that_do_not_fit_are_named_and_stop_nothing() {
         tick(&mut app);
     });
     assert_eq!(about(&said, "do not move without DeformableCollisionPlugins").len(), 1, "{said:?}");
-    let said = said_by(|| {
+    let said = logged_by(|| {
         let mut app = App::new();
         app.add_plugins((DeformableCollisionPlugins::new(PostUpdate), XpbdResponsePlugin::new(Update)));
         app.init_resource::<Time>();
@@ -157,7 +123,7 @@ fn plugins_that_do_not_fit_are_named_and_stop_nothing() {
 
 #[test]
 fn a_pin_that_is_no_vertex_is_named() {
-    let said = said_by(|| {
+    let said = logged_by(|| {
         let mesh = icosphere(0, 1.0);
         let points: Vec<Vec3> = mesh.positions.iter().map(|&point| Vec3::from(point)).collect();
         let (surface, positions) = DeformableSurface::from_mesh(&points, &mesh.triangles).unwrap();

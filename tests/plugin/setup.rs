@@ -1,9 +1,6 @@
 //! Apps that are put together in unusual ways.
 
-use std::{
-    sync::{Mutex, Once},
-    time::Duration,
-};
+use std::time::Duration;
 
 use bevy_app::{TaskPoolOptions, TaskPoolPlugin, prelude::*};
 use bevy_circumsphere::{
@@ -15,7 +12,10 @@ use bevy_circumsphere::{
 use bevy_ecs::prelude::*;
 use bevy_time::{TimePlugin, TimeUpdateStrategy};
 use bevy_transform::TransformPlugin;
-use circumsphere_support::scenes::{Mesh, icosphere, merge};
+use circumsphere_support::{
+    scenes::{Mesh, icosphere, merge},
+    warnings,
+};
 use glam::Vec3;
 
 use crate::world::{
@@ -212,31 +212,8 @@ fn detection_by_hand_survives_what_has_changed_since_it_was_prepared() {
     }
 }
 
-static WARNINGS: Mutex<Vec<String>> = Mutex::new(Vec::new());
-
-struct WarningKeeper;
-
-impl log::Log for WarningKeeper {
-    fn enabled(&self, metadata: &log::Metadata<'_>) -> bool {
-        metadata.level() <= log::Level::Warn
-    }
-
-    fn log(&self, record: &log::Record<'_>) {
-        if self.enabled(record.metadata()) {
-            WARNINGS.lock().expect("no test panics while it logs").push(record.args().to_string());
-        }
-    }
-
-    fn flush(&self) {}
-}
-
 fn warnings_about(word: &str) -> usize {
-    static INSTALL: Once = Once::new();
-    INSTALL.call_once(|| {
-        log::set_logger(&WarningKeeper).expect("no other logger is set in this process");
-        log::set_max_level(log::LevelFilter::Warn);
-    });
-    WARNINGS.lock().expect("no test panics while it logs").iter().filter(|warning| warning.contains(word)).count()
+    warnings::kept().iter().filter(|warning| warning.contains(word)).count()
 }
 
 #[test]

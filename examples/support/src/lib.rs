@@ -13,3 +13,4 @@ pub mod random;
 pub mod recording;
 pub mod scenes;
 pub mod tetrahedra;
+pub mod warnings;

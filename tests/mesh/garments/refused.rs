@@ -1,12 +1,11 @@
 //! Garments that cannot be worn are reported by name, once, and nothing else stops.
 
-use std::sync::{Mutex, Once};
-
 use bevy_app::prelude::*;
 use bevy_asset::Assets;
 use bevy_circumsphere::{prelude::*, response::*};
 use bevy_ecs::prelude::*;
 use bevy_mesh::{Mesh, Mesh3d, VertexAttributeValues, VertexFormat};
+use circumsphere_support::warnings;
 use glam::Vec3;
 
 use super::character::{Walker, app, is_worn, skirt, spawn_garment, tick};
@@ -15,39 +14,17 @@ use crate::world::{add, indexed};
 /// All hang at one place.
 const ALONE: SurfaceLayers = SurfaceLayers { memberships: 0, filters: 0 };
 
-static WARNINGS: Mutex<Vec<String>> = Mutex::new(Vec::new());
-
-struct WarningKeeper;
-
-impl log::Log for WarningKeeper {
-    fn enabled(&self, metadata: &log::Metadata<'_>) -> bool {
-        metadata.level() <= log::Level::Warn
-    }
-
-    fn log(&self, record: &log::Record<'_>) {
-        if self.enabled(record.metadata()) {
-            WARNINGS.lock().expect("no test panics in it").push(record.args().to_string());
-        }
-    }
-
-    fn flush(&self) {}
-}
-
 /// What was logged about an entity with this name. Other tests of the process log too.
-fn warnings(name: &str) -> Vec<String> {
+fn warnings_about(name: &str) -> Vec<String> {
     let name = format!("({name})");
-    WARNINGS.lock().expect("no test panics in it").iter().filter(|line| line.contains(&name)).cloned().collect()
+    warnings::kept().into_iter().filter(|line| line.contains(&name)).collect()
 }
 
 #[derive(Resource, Default)]
 struct Heard(Vec<(Entity, XpbdGarmentError)>);
 
 fn listening() -> App {
-    static INSTALL: Once = Once::new();
-    INSTALL.call_once(|| {
-        log::set_logger(&WarningKeeper).expect("it is the first");
-        log::set_max_level(log::LevelFilter::Warn);
-    });
+    warnings::kept();
     let mut app = app();
     app.init_resource::<Heard>().add_observer(|on: On<XpbdGarmentNotWorn>, mut heard: ResMut<Heard>| {
         heard.0.push((on.entity, on.reason.clone()));
@@ -155,7 +132,7 @@ fn bad_input_is_reported_once_and_others_are_dressed() {
         tick(&mut app);
     }
     assert!(is_worn(&app, worn), "the others do not stop it");
-    assert!(warnings("good garment").is_empty());
+    assert!(warnings_about("good garment").is_empty());
     let heard = std::mem::take(&mut app.world_mut().resource_mut::<Heard>().0);
     for (name, entity, expected) in &bad {
         assert!(!app.world().entity(*entity).contains::<XpbdBody>(), "{name}");
@@ -163,7 +140,7 @@ fn bad_input_is_reported_once_and_others_are_dressed() {
         let of_it: Vec<_> = heard.iter().filter(|(other, _)| other == entity).collect();
         let [(_, reason)] = of_it[..] else { panic!("{name}: {of_it:?}") };
         assert!(expected(reason), "{name}: {reason:?}");
-        let logged = warnings(name);
+        let logged = warnings_about(name);
         assert_eq!(logged.len(), 1, "{logged:?}");
         assert!(logged[0].contains(&entity.to_string()) && logged[0].contains(&reason.to_string()), "{logged:?}");
     }
