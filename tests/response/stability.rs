@@ -129,10 +129,14 @@ fn a_body_goes_on_with_another_mesh_of_its_surface() {
         assert!(moved.distance(velocity) < 0.5, "{moved}, and {velocity} before");
         let pins = scene.body(body).inverse_masses.iter().filter(|inverse_mass| **inverse_mass == 0.0).count();
         assert!((1..=(last + 1) / 9).contains(&pins), "{pins} pins");
-        scene.run(60);
-        assert!(
-            scene.positions(body)[last].y < before.y - 0.05 && scene.positions(body).iter().all(|at| at.is_finite())
-        );
+        // It swings like a pendulum.
+        let mut lowest = before.y;
+        for _ in 0..60 {
+            scene.run(1);
+            assert!(scene.positions(body).iter().all(|at| at.is_finite()));
+            lowest = lowest.min(scene.positions(body)[last].y);
+        }
+        assert!(lowest < before.y - 0.05, "{lowest} instead of {}", before.y);
     }
 }
 

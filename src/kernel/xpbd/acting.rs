@@ -27,6 +27,9 @@ const WARMTH: f32 = 0.5;
 /// Among features that cross, pushes disagree.
 pub(super) const SHALLOW: f32 = 0.1;
 
+/// Contact distances by which contacts may be too near after friction. With none, what is at rest trembles.
+const TOLERANCE: f32 = 0.01;
+
 /// A substep, for contacts.
 #[derive(Clone, Copy, Debug)]
 pub struct Evaluation {
@@ -108,6 +111,8 @@ pub(super) struct ActingBlock<const N: usize> {
     offset: [f32; WIDTH],
     /// The separation to reach: 0, or less if the sides overlapped before the substep.
     target: [f32; WIDTH],
+    /// The least separation that may be left.
+    allowed: [f32; WIDTH],
     /// `1 / Σ w a²`; 0 if the contact cannot act.
     inverse: [f32; WIDTH],
     /// Largest speed of the free particles along the normal that is not bounce.
@@ -207,6 +212,7 @@ impl Common {
             normal: normal.stored(),
             offset: stored(offset),
             target: stored(target),
+            allowed: stored(target - distance * TOLERANCE),
             inverse: stored(is_near.select(f32x8::splat(simd, 1.0) / mobility, zeros)),
             most_opening: stored(normal.dot(speed).max(zeros) - normal.dot(driven.speed)),
             before: (sum - speed.scaled(f32x8::splat(simd, step))).stored(),
@@ -252,6 +258,27 @@ impl<const N: usize> ActingBlock<N> {
             return;
         }
         after.store_slice(&mut self.multiplier);
+        self.push(rows.displacement, &moved, &weights, normal.scaled(change));
+    }
+
+    /// Pushes the sides of contacts apart once more that are still too near after friction: the friction of their neighbors
+    /// would hold them where they are. Only adds to pushes, so that nothing is released that friction holds.
+    #[cfg_attr(not(unoptimized), inline(always))]
+    pub(super) fn recover<S: Simd>(&mut self, simd: S, rows: MovingRows<'_>) {
+        let zeros = f32x8::splat(simd, 0.0);
+        if !f32x8::from_slice(simd, &self.multiplier).simd_gt(zeros).any_true() {
+            return;
+        }
+        let moved = gather_all(simd, rows.displacement, &self.places);
+        let weights = load_all(simd, &self.weights);
+        let normal = VectorLanes::load(simd, &self.normal);
+        let separation = normal.dot(weighted_sum(simd, &moved, &weights)) + f32x8::from_slice(simd, &self.offset);
+        let missing = (f32x8::from_slice(simd, &self.allowed) - separation).max(zeros);
+        let change = missing * f32x8::from_slice(simd, &self.inverse);
+        if change.simd_eq(zeros).all_true() {
+            return;
+        }
+        (f32x8::from_slice(simd, &self.multiplier) + change).store_slice(&mut self.multiplier);
         self.push(rows.displacement, &moved, &weights, normal.scaled(change));
     }
 

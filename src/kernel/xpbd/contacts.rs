@@ -124,6 +124,9 @@ pub(super) trait ContactList {
     /// Applies the friction of a batch, in order or backward.
     fn rub(&mut self, batch: usize, rows: MovingRows<'_>, is_backward: bool);
 
+    /// Pushes deep contacts of a batch apart once more, in order or backward.
+    fn recover(&mut self, batch: usize, rows: MovingRows<'_>, is_backward: bool);
+
     /// Ends a substep, after velocities have been derived: keeps what is left, and removes bounce.
     fn end_step(&mut self, rows: MovingRows<'_>);
 
@@ -244,6 +247,15 @@ impl<B: ContactBlock<N>, const N: usize> ContactList for ContactBlocks<B, N> {
         dispatch!(simd => {
             for place in in_order(acting.len(), is_backward) {
                 acting[place].rub(simd, rows);
+            }
+        });
+    }
+
+    fn recover(&mut self, batch: usize, rows: MovingRows<'_>, is_backward: bool) {
+        let acting = self.of_batch(batch);
+        dispatch!(simd => {
+            for place in in_order(acting.len(), is_backward) {
+                acting[place].recover(simd, rows);
             }
         });
     }

@@ -13,8 +13,9 @@ use super::{
 /// The number of contacts that are colored together.
 const BATCH: usize = 1024;
 
-/// The number of kinds of contacts.
+/// The number of kinds of contacts, and of those between features, which come first.
 const KINDS: usize = 8;
+const FEATURE_KINDS: usize = 5;
 
 /// Contacts in the order in which they are solved, as they were found. Where constraints cannot move all particles, they
 /// need not look at the others, so each case is a kind of its own.
@@ -181,10 +182,10 @@ impl Contacts {
         [vertex_face, vertices, faces, edge_edge, edges, points, planes, wide_planes]
     }
 
-    fn visit(&mut self, is_backward: bool, mut solve: impl FnMut(&mut dyn ContactList, usize)) {
+    fn visit(&mut self, kinds: usize, is_backward: bool, mut solve: impl FnMut(&mut dyn ContactList, usize)) {
         for batch in in_order(self.batches, is_backward) {
             let mut lists = self.lists();
-            in_order(KINDS, is_backward).for_each(|kind| solve(&mut *lists[kind], batch));
+            in_order(kinds, is_backward).for_each(|kind| solve(&mut *lists[kind], batch));
         }
     }
 
@@ -200,12 +201,18 @@ impl Contacts {
 
     /// Pushes the sides of all contacts apart to their target separations, in order, or backward.
     pub fn separate(&mut self, rows: MovingRows<'_>, is_backward: bool) {
-        self.visit(is_backward, |list, batch| list.separate(batch, rows, is_backward));
+        self.visit(KINDS, is_backward, |list, batch| list.separate(batch, rows, is_backward));
     }
 
     /// Holds the sides of all contacts along the surface, within the limits of friction, in order, or backward.
     pub fn rub(&mut self, rows: MovingRows<'_>, is_backward: bool) {
-        self.visit(is_backward, |list, batch| list.rub(batch, rows, is_backward));
+        self.visit(KINDS, is_backward, |list, batch| list.rub(batch, rows, is_backward));
+    }
+
+    /// Pushes the sides of contacts of features apart once more that are still too near after friction, in order or
+    /// backward. Not planes: they are not evaluated again within a tick, and some lead out of something at their own pace.
+    pub fn recover(&mut self, rows: MovingRows<'_>, is_backward: bool) {
+        self.visit(FEATURE_KINDS, is_backward, |list, batch| list.recover(batch, rows, is_backward));
     }
 
     /// Ends a substep, after velocities have been derived: keeps what is left, and removes bounce.
