@@ -118,6 +118,7 @@
 
 mod body;
 mod contact;
+mod error;
 mod forces;
 #[cfg(feature = "mesh")]
 mod garment;
@@ -127,12 +128,14 @@ mod history;
 #[cfg(feature = "serde")]
 mod infinite;
 mod inside;
+mod material;
 mod meeting;
 mod motion;
 mod particles;
 mod reaction;
 mod record;
 mod respond;
+mod rest;
 mod scene;
 #[cfg(feature = "serde")]
 mod serialized;
@@ -154,13 +157,15 @@ use crate::{
     schedule::{DeformableSystems, HostSchedule, run_detection},
     surface::ActiveSurfaces,
 };
-pub use body::{SurfaceFriction, XpbdBody, XpbdBodyError, XpbdMaterial};
+pub use body::{SurfaceFriction, XpbdBody};
+pub use error::XpbdBodyError;
 pub use forces::{SurfaceForces, SurfaceWind};
 #[cfg(feature = "mesh")]
 pub use garment::{GarmentPaint, XpbdGarment, XpbdGarmentError, XpbdGarmentNotWorn, XpbdGarments};
 #[cfg(test)]
 pub(crate) use history::PARTS as HISTORY_PARTS;
 pub(crate) use history::ResponseHistory;
+pub use material::XpbdMaterial;
 pub use reaction::SurfaceReaction;
 pub use respond::XpbdDiagnostics;
 pub use settings::XpbdSettings;

@@ -14,10 +14,7 @@ use std::sync::Arc;
 use glam::{DVec3, Vec3};
 
 use super::{
-    body::{RestShape, XpbdMaterial},
-    contact::SolverContacts,
-    particles::Particles,
-    reaction::Reactions,
+    contact::SolverContacts, material::XpbdMaterial, particles::Particles, reaction::Reactions, rest::RestShape,
     settings::XpbdSettings,
 };
 use crate::{
@@ -25,7 +22,10 @@ use crate::{
     kernel::{
         mesh::topology::SurfaceTopology,
         simd::parallel::{Sequential, Team, share},
-        xpbd::{Air, Evaluation, Hinges, MovingRows, ParticleRows, Springs, Tethered, Tethers, Volumes, Winds},
+        xpbd::{
+            Air, Elasticity, Evaluation, Hinges, MovingRows, ParticleRows, Springs, Tethered, Tethers, Tetrahedra,
+            Volumes, Winds,
+        },
     },
 };
 
@@ -50,21 +50,25 @@ struct Part {
     body: usize,
     springs: Springs,
     hinges: Hinges,
+    tetrahedra: Tetrahedra,
 }
 
 impl Part {
     fn begin(&mut self, (number, body): (usize, &SolverBody), slab: usize, start: &[DVec3]) {
-        let Self { body: of, springs, hinges } = self;
+        let Self { body: of, springs, hinges, tetrahedra } = self;
         *of = number;
         springs.clear();
         hinges.clear();
+        tetrahedra.clear();
         springs.add((&body.rest.springs, slab), body.first, body.scale, start);
         hinges.add((&body.rest.hinges, slab), body.first, start);
+        tetrahedra.add((&body.rest.tetrahedra, slab), body.first, body.scale, start);
     }
 
     fn begin_step(&mut self) {
         self.springs.begin_step();
         self.hinges.begin_step();
+        self.tetrahedra.begin_step();
     }
 
     fn bend(&mut self, bodies: &[SolverBody], rows: MovingRows<'_>, step: f64) {
@@ -75,9 +79,16 @@ impl Part {
     }
 
     fn stretch(&mut self, bodies: &[SolverBody], rows: MovingRows<'_>, step: f64, is_backward: bool) {
-        let compliance = bodies[self.body].material.stretch_compliance;
-        if compliance.is_finite() {
-            self.springs.solve(rows, per_step(compliance, step) as f32, step as f32, is_backward);
+        let &XpbdMaterial { stretch_compliance, young_modulus, poisson_ratio, .. } = &bodies[self.body].material;
+        let elasticity = Elasticity::new(young_modulus, poisson_ratio, step);
+        if is_backward {
+            self.tetrahedra.solve(rows, elasticity, true);
+        }
+        if stretch_compliance.is_finite() {
+            self.springs.solve(rows, per_step(stretch_compliance, step) as f32, step as f32, is_backward);
+        }
+        if !is_backward {
+            self.tetrahedra.solve(rows, elasticity, false);
         }
     }
 

@@ -14,6 +14,7 @@ mod recorder;
 mod series;
 mod settings;
 mod surfaces;
+mod tetrahedra;
 mod text_log;
 mod values;
 
@@ -264,7 +265,11 @@ fn record_detection(
         }
         bodies.draw(&mut writer, &detected, &settings, names, &touches);
         contacts::draw(&mut writer, &detected, &settings, names, &surfaces);
+        if settings.penetrations {
+            tetrahedra::draw_containments(&mut writer, &detected, names);
+        }
         patches::draw(&mut writer, &detected, settings.patches, names, &touches);
+        tetrahedra::draw(&mut writer, &detected, settings.tetrahedra, names);
         pairs::draw(&mut writer, &detected, settings.pairs, names, &touches);
         surfaces::draw(&mut writer, &detected, &settings, names, &touches);
         tick.newly_thinned = writer.finish();

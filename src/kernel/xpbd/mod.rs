@@ -20,6 +20,7 @@ mod rows;
 mod slabs;
 mod springs;
 mod tethers;
+mod tetrahedra;
 mod volume;
 mod wind;
 
@@ -32,5 +33,6 @@ pub use rows::{MovingRows, ParticleRows, Placed};
 pub use slabs::{Place, Slabs};
 pub use springs::{SpringRests, Springs};
 pub use tethers::{Tethered, Tethers};
+pub use tetrahedra::{Elasticity, Tetrahedra, TetrahedronRest, TetrahedronRests};
 pub use volume::{VolumeRest, Volumes};
 pub use wind::{Air, Winds};

@@ -1,0 +1,54 @@
+//! Ten bodies fall into a heap and come to rest.
+
+use bevy_circumsphere::{prelude::*, response::*};
+use circumsphere_support::tetrahedra::tetrahedral_pile;
+use glam::Vec3;
+
+use crate::world::{Solid, World};
+
+/// Drops some bodies of the pile, and returns the world after some ticks.
+fn dropped(count: usize, ticks: usize, material: XpbdMaterial) -> (World, Vec<Solid>) {
+    let mut world = World::new();
+    world.settings().gravity = Vec3::NEG_Y * 9.81;
+    world.app.world_mut().spawn(RigidShape(SharedShape::halfspace(Vec3::Y)));
+    let solids: Vec<Solid> =
+        tetrahedral_pile().iter().take(count).map(|mesh| world.add(mesh, material, SelfCollision)).collect();
+    for tick in 0..ticks {
+        world.tick();
+        for (number, solid) in solids.iter().enumerate() {
+            let volumes = world.volumes(solid);
+            let least = volumes.into_iter().fold(f64::INFINITY, |least, volume| least.min(volume));
+            assert!(least > 0.0, "body {number} has a tetrahedron of volume {least} in tick {tick}");
+        }
+    }
+    (world, solids)
+}
+
+fn assert_at_rest(world: &World, solids: &[Solid]) {
+    for (number, solid) in solids.iter().enumerate() {
+        let fastest = world.fastest(solid);
+        assert!(fastest < 0.02, "body {number}: {fastest} m/s");
+        let lowest = world.positions(solid).into_iter().map(|at| at.y).fold(f64::INFINITY, f64::min);
+        assert!(lowest > 0.0, "body {number} is in the ground: {lowest}");
+    }
+}
+
+#[test]
+fn four_bodies_come_to_rest_on_each_other_without_an_inverted_tetrahedron() {
+    let (world, solids) = dropped(5, 150, XpbdMaterial::SOLID);
+    assert_at_rest(&world, &solids);
+}
+
+#[test]
+#[ignore = "takes a minute"]
+fn ten_bodies_of_a_thousand_tetrahedra_come_to_rest_without_an_inverted_one() {
+    for young_modulus in [3.0e4, 1.0e5, 1.0e6] {
+        let (world, solids) = dropped(10, 600, XpbdMaterial { young_modulus, ..XpbdMaterial::SOLID });
+        let count: usize = solids.iter().map(|solid| solid.tetrahedra.len()).sum();
+        assert!(count >= 10_000);
+        assert_at_rest(&world, &solids);
+        let highest = solids.iter().flat_map(|solid| world.positions(solid)).map(|at| at.y).fold(0.0, f64::max);
+        println!("{young_modulus:e}: the heap is {highest:.3} m high");
+        assert!(highest > 0.3, "it is no heap: {highest}");
+    }
+}
