@@ -51,17 +51,24 @@ struct Part {
     springs: Springs,
     hinges: Hinges,
     tetrahedra: Tetrahedra,
+    /// Whether contacts had flattened one of them.
+    is_flat: bool,
 }
 
 impl Part {
     fn begin(&mut self, (number, body): (usize, &SolverBody), slab: usize, start: &[DVec3]) {
-        let Self { body: of, springs, hinges, tetrahedra } = self;
+        let Self { body: of, springs, hinges, tetrahedra, .. } = self;
         *of = number;
         springs.clear();
         hinges.clear();
         tetrahedra.clear();
-        springs.add((&body.rest.springs, slab), body.first, body.scale, start);
-        hinges.add((&body.rest.hinges, slab), body.first, start);
+        let XpbdMaterial { stretch_compliance, bend_compliance, damping, .. } = body.material;
+        if stretch_compliance.is_finite() || damping > 0.0 {
+            springs.add((&body.rest.springs, slab), body.first, body.scale, start);
+        }
+        if bend_compliance.is_finite() {
+            hinges.add((&body.rest.hinges, slab), body.first, start);
+        }
         tetrahedra.add((&body.rest.tetrahedra, slab), body.first, body.scale, start);
     }
 
@@ -116,17 +123,18 @@ struct Inners {
     volumes: Volumes,
     /// The volume of each body, if it has one.
     of_bodies: Vec<Option<usize>>,
+    has_tetrahedra: bool,
 }
 
 impl Inners {
     fn begin(&mut self, bodies: &[SolverBody], start: &[DVec3]) {
-        let Self { slabs, between, volumes, of_bodies } = self;
+        let Self { slabs, between, volumes, of_bodies, has_tetrahedra } = self;
         volumes.clear();
         of_bodies.clear();
         slabs.resize_with(bodies.iter().map(|body| body.rest.springs.slabs()).sum(), Part::default);
         between.resize_with(bodies.len(), Part::default);
         let mut parts = slabs.iter_mut();
-        for (body, between) in bodies.iter().enumerate().zip(between) {
+        for (body, between) in bodies.iter().enumerate().zip(&mut *between) {
             let count = body.1.rest.springs.slabs();
             parts.by_ref().take(count).enumerate().for_each(|(slab, part)| part.begin(body, slab, start));
             between.begin(body, count, start);
@@ -135,6 +143,7 @@ impl Inners {
             let own = (first, topology.vertex_count());
             of_bodies.push(volume.map(|volume| volumes.add(volume, own, scale, start)));
         }
+        *has_tetrahedra = slabs.iter().chain(&*between).any(|part| !part.tetrahedra.is_empty());
     }
 
     fn begin_step(&mut self) {
@@ -143,7 +152,7 @@ impl Inners {
     }
 
     fn solve(&mut self, team: &dyn Team, bodies: &[SolverBody], rows: &mut ParticleRows, step: f64) {
-        let Self { slabs, between, volumes, of_bodies } = self;
+        let Self { slabs, between, volumes, of_bodies, .. } = self;
         let moving = rows.moving();
         share(team, slabs, |part| part.bend(bodies, moving, step));
         for part in &mut *between {
@@ -161,6 +170,26 @@ impl Inners {
             part.stretch(bodies, moving, step, true);
         }
         share(team, slabs, |part| part.stretch(bodies, moving, step, true));
+    }
+
+    /// Ends an iteration: contacts leave no tetrahedron inverted.
+    fn keep_upright(&mut self, team: &dyn Team, rows: MovingRows<'_>) {
+        let Self { slabs, between, has_tetrahedra, .. } = self;
+        if !*has_tetrahedra {
+            return;
+        }
+        share(team, slabs, |part| part.is_flat = part.tetrahedra.keep_upright(rows, false));
+        for part in &*between {
+            if part.tetrahedra.keep_upright(rows, false) {
+                part.tetrahedra.keep_upright(rows, true);
+            }
+        }
+        // Where nothing was flat, nothing has become so, except by its neighbors: the next substep will tell.
+        share(team, slabs, |part| {
+            if part.is_flat {
+                part.tetrahedra.keep_upright(rows, true);
+            }
+        });
     }
 
     fn damp(&mut self, team: &dyn Team, bodies: &[SolverBody], rows: MovingRows<'_>, step: f64) {
@@ -293,6 +322,7 @@ impl Solver {
                 inners.solve(team, bodies, rows, step);
                 tethers.solve(rows, share as f32);
                 contacts.solve(team, rows.moving());
+                inners.keep_upright(team, rows.moving());
             }
             rows.update_velocities(step as f32);
             inners.damp(team, bodies, rows.moving(), step);

@@ -2,7 +2,6 @@
 
 use bevy_circumsphere::{
     kernel::tetrahedra::{containment::ContainmentSearch, topology::TetrahedralTopology},
-    prelude::*,
     response::*,
 };
 use circumsphere_support::tetrahedra::{TetrahedralMesh, tetrahedral_ball, tetrahedral_box};

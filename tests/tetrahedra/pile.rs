@@ -4,7 +4,10 @@ use bevy_circumsphere::{prelude::*, response::*};
 use circumsphere_support::tetrahedra::tetrahedral_pile;
 use glam::Vec3;
 
-use crate::world::{Solid, World};
+use crate::{
+    files::bodies,
+    world::{Solid, World, moved},
+};
 
 /// Drops some bodies of the pile, and returns the world after some ticks.
 fn dropped(count: usize, ticks: usize, material: XpbdMaterial) -> (World, Vec<Solid>) {
@@ -50,5 +53,29 @@ fn ten_bodies_of_a_thousand_tetrahedra_come_to_rest_without_an_inverted_one() {
         let highest = solids.iter().flat_map(|solid| world.positions(solid)).map(|at| at.y).fold(0.0, f64::max);
         println!("{young_modulus:e}: the heap is {highest:.3} m high");
         assert!(highest > 0.3, "it is no heap: {highest}");
+    }
+}
+
+#[test]
+fn real_bodies_fall_on_the_ground_without_an_inverted_tetrahedron() {
+    for (name, mesh) in bodies() {
+        let (low, high) = mesh
+            .positions
+            .iter()
+            .fold((f32::INFINITY, f32::NEG_INFINITY), |(low, high), at| (low.min(at[1]), high.max(at[1])));
+        let mut world = World::new();
+        world.settings().gravity = Vec3::NEG_Y * 9.81;
+        world.app.world_mut().spawn(RigidShape(SharedShape::halfspace(Vec3::Y)));
+        let solid = world.add(&moved(&mesh, [0.0, 0.3 - low, 0.0]), XpbdMaterial::SOLID, SelfCollision);
+        assert!(world.body(&solid).left_out().is_empty(), "{name}");
+        let mut least = f64::INFINITY;
+        for _ in 0..150 {
+            world.tick();
+            least = world.volumes(&solid).into_iter().fold(least, f64::min);
+        }
+        println!("{name}: the least volume is {least:.3}, the fastest vertex has {:.4} m/s", world.fastest(&solid));
+        assert!(least > 0.0, "{name}: {least}");
+        let top = world.positions(&solid).into_iter().map(|at| at.y).fold(0.0, f64::max);
+        assert!(top < f64::from(high - low) + 0.05, "{name} is {top} high");
     }
 }

@@ -12,13 +12,16 @@
 //! `I − 4J + J²` is not negative: of principal stretches with a product `J = t³ > 0`, `I ≥ 3t²`, and
 //! `3t² − 4t³ + t⁶ = t² (t − 1)² (t² + 2t + 3)`. It is 0 only where nothing is deformed, and where a tetrahedron has
 //! collapsed to a point.
+//!
+//! The energy of an inverted tetrahedron is finite, and contacts can flatten a corner of a body. So after contacts,
+//! [a second pass](Tetrahedra::keep_upright) gives those that are nearly flat a share of their volume, whatever presses them.
 
 use fearless_simd::{f32x8, prelude::*};
 use glam::{DMat3, DVec3};
 
 use super::{
     coloring::{Rests, in_order, lanes_of},
-    rows::{MovingRows, NOBODY, Places, gather, row_of, scatter_free, set_lane},
+    rows::{Gathered, MovingRows, NOBODY, Places, gather, row_of, scatter_free, set_lane},
 };
 use crate::kernel::simd::lanes::{VectorLanes, VectorRows, WIDTH};
 
@@ -38,6 +41,9 @@ const COLLAPSED: f32 = 1.0;
 
 /// The least share of the resistance that is left then.
 const LEAST_SHARE: f32 = 1.0e-6;
+
+/// The least `J` that contacts leave.
+const UPRIGHT: f32 = 0.05;
 
 /// A tetrahedron at rest.
 #[derive(Clone, Copy, Debug, Default)]
@@ -101,6 +107,8 @@ struct TetrahedronBlock {
     /// The rows of the inverse of these edges at rest.
     inverse: [VectorRows; 3],
     volume: [f32; WIDTH],
+    /// The determinant of the inverse.
+    density: [f32; WIDTH],
     /// The cube root of six volumes.
     size: [f32; WIDTH],
     /// Of `C` and `H`, as shares of `μ V h²`.
@@ -127,6 +135,7 @@ impl Tetrahedra {
                 start: [VectorRows::ZERO; 3],
                 inverse: [VectorRows::ZERO; 3],
                 volume: [0.0; WIDTH],
+                density: [0.0; WIDTH],
                 size: [0.0; WIDTH],
                 multipliers: [[0.0; WIDTH]; 2],
             };
@@ -142,6 +151,7 @@ impl Tetrahedra {
                 }
                 let volume = rest.volume * scale.powi(3);
                 block.volume[lane] = volume as f32;
+                block.density[lane] = (rest.inverse.determinant() / scale.powi(3)) as f32;
                 block.size[lane] = (6.0 * volume).cbrt() as f32;
             }
             block
@@ -161,6 +171,25 @@ impl Tetrahedra {
                 blocks[place].solve(simd, rows, elasticity);
             }
         });
+    }
+
+    /// Moves the corners of every tetrahedron that is inverted or nearly flat apart, to a small share of its volume,
+    /// color after color, in order or backward. Returns whether there was any.
+    pub fn keep_upright(&self, rows: MovingRows<'_>, is_backward: bool) -> bool {
+        let blocks = &self.blocks;
+        dispatch!(simd => {
+            let mut is_any = false;
+            for place in in_order(blocks.len(), is_backward) {
+                is_any |= blocks[place].keep_upright(simd, rows);
+            }
+            is_any
+        })
+    }
+
+    /// Whether there are none.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.blocks.is_empty()
     }
 }
 
@@ -221,11 +250,10 @@ fn by_corners<S: Simd>([x, y, z]: Columns<S>, inverse: Columns<S>) -> [VectorLan
 }
 
 impl TetrahedronBlock {
+    /// The corners, and the edges from the first to the others.
     #[cfg_attr(not(unoptimized), inline(always))]
-    fn solve<S: Simd>(&mut self, simd: S, rows: MovingRows<'_>, elasticity: Elasticity) {
-        let (zero, one) = (f32x8::splat(simd, 0.0), f32x8::splat(simd, 1.0));
-        let table = rows.displacement;
-        let places = &self.corners;
+    fn corners<S: Simd>(&self, simd: S, rows: MovingRows<'_>) -> ([Gathered<S>; 4], Columns<S>) {
+        let (table, places) = (rows.displacement, &self.corners);
         let corners = [
             gather(simd, &table, &places[0]),
             gather(simd, &table, &places[1]),
@@ -233,9 +261,74 @@ impl TetrahedronBlock {
             gather(simd, &table, &places[3]),
         ];
         let origin = corners[0].vector;
-        let [mut edges, mut inverse] = [[origin; 3]; 2];
+        let mut edges = [origin; 3];
         for edge in 0..3 {
             edges[edge] = VectorLanes::load(simd, &self.start[edge]).plus(corners[edge + 1].vector - origin);
+        }
+        (corners, edges)
+    }
+
+    /// Pushes the corners, all by the same share of what would move one too far.
+    #[cfg_attr(not(unoptimized), inline(always))]
+    fn push<S: Simd>(
+        &self,
+        simd: S,
+        rows: MovingRows<'_>,
+        corners: [Gathered<S>; 4],
+        pushes: [VectorLanes<S>; 4],
+    ) -> f32x8<S> {
+        let mut farthest = f32x8::splat(simd, 0.0);
+        for corner in 0..4 {
+            let way = pushes[corner].scaled(corners[corner].inverse_mass);
+            farthest = farthest.max(way.dot(way));
+        }
+        let most = f32x8::from_slice(simd, &self.size) * FARTHEST;
+        let is_far = farthest.simd_gt(most * most);
+        let share = is_far.select(most / farthest.sqrt(), f32x8::splat(simd, 1.0));
+        for corner in 0..4 {
+            let pushed = corners[corner].pushed(pushes[corner].scaled(share));
+            scatter_free(pushed, rows.displacement, &self.corners[corner]);
+        }
+        share
+    }
+
+    #[cfg_attr(not(unoptimized), inline(always))]
+    fn keep_upright<S: Simd>(&self, simd: S, rows: MovingRows<'_>) -> bool {
+        let zero = f32x8::splat(simd, 0.0);
+        let (corners, [a, b, c]) = self.corners(simd, rows);
+        let density = f32x8::from_slice(simd, &self.density);
+        let first = b.cross(c);
+        let missing = f32x8::splat(simd, UPRIGHT) - a.dot(first) * density;
+        // An unused lane has no volume and no density.
+        let is_flat = missing.simd_gt(zero) & density.abs().simd_gt(zero);
+        if !is_flat.any_true() {
+            return false;
+        }
+        let [first, second, third] = [first, c.cross(a), a.cross(b)].map(
+            #[cfg_attr(not(unoptimized), inline(always))]
+            |side| side.scaled(density),
+        );
+        let gradients = [first.plus(second).plus(third).negated(), first, second, third];
+        let mut weight = zero;
+        for corner in 0..4 {
+            weight += gradients[corner].dot(gradients[corner]) * corners[corner].inverse_mass;
+        }
+        let is_moved = is_flat & weight.simd_gt(zero);
+        let change = is_moved.select(missing / weight, zero);
+        let mut pushes = gradients;
+        for corner in 0..4 {
+            pushes[corner] = gradients[corner].scaled(change);
+        }
+        self.push(simd, rows, corners, pushes);
+        true
+    }
+
+    #[cfg_attr(not(unoptimized), inline(always))]
+    fn solve<S: Simd>(&mut self, simd: S, rows: MovingRows<'_>, elasticity: Elasticity) {
+        let (zero, one) = (f32x8::splat(simd, 0.0), f32x8::splat(simd, 1.0));
+        let (corners, edges) = self.corners(simd, rows);
+        let mut inverse = edges;
+        for edge in 0..3 {
             inverse[edge] = VectorLanes::load(simd, &self.inverse[edge]);
         }
         let now = Deformation::new(edges, inverse);
@@ -265,20 +358,12 @@ impl TetrahedronBlock {
         let [change, other_change] = [is_solved.select(change, zero), is_solved.select(other_change, zero)];
         let (by_shear, by_volume) = (change * per_shear * stiffness, other_change * stiffness);
         let mut pushes = of_shear;
-        let mut farthest = zero;
         for corner in 0..4 {
             pushes[corner] = of_shear[corner].scaled(by_shear).plus(of_volume[corner].scaled(by_volume));
-            let way = pushes[corner].scaled(corners[corner].inverse_mass);
-            farthest = farthest.max(way.dot(way));
         }
-        let most = f32x8::from_slice(simd, &self.size) * FARTHEST;
-        let is_far = farthest.simd_gt(most * most);
-        let share = is_far.select(most / farthest.sqrt(), one);
+        let share = self.push(simd, rows, corners, pushes);
         (multipliers[0] + change * share).store_slice(&mut self.multipliers[0]);
         (multipliers[1] + other_change * share).store_slice(&mut self.multipliers[1]);
-        for corner in 0..4 {
-            scatter_free(corners[corner].pushed(pushes[corner].scaled(share)), table, &places[corner]);
-        }
     }
 }
 
@@ -366,16 +451,22 @@ mod tests {
         }
     }
 
-    /// Solves one tetrahedron so many times in a substep, and returns its corners.
-    fn solved(corners: &[DVec3; 4], masses: [f64; 4], elasticity: Elasticity, times: usize) -> [DVec3; 4] {
-        let mut particles = ParticleRows::default();
-        let placed = |mass: f64| Placed { way: DVec3::ZERO, velocity: DVec3::ZERO, inverse_mass: mass.recip() };
-        particles.begin(masses.into_iter().map(placed));
+    /// A tick that begins with one tetrahedron at these corners.
+    fn tick(corners: &[DVec3; 4]) -> Tetrahedra {
         let mut slabs = Slabs::default();
         slabs.split(corners);
         let rests = TetrahedronRests::new(4, &slabs, [([0, 1, 2, 3], TetrahedronRest::new(&REST))].into_iter());
         let mut tetrahedra = Tetrahedra::default();
         tetrahedra.add((&rests, 0), 0, 1.0, corners);
+        tetrahedra
+    }
+
+    /// Solves one tetrahedron so many times in a substep, and returns its corners.
+    fn solved(corners: &[DVec3; 4], masses: [f64; 4], elasticity: Elasticity, times: usize) -> [DVec3; 4] {
+        let mut particles = ParticleRows::default();
+        let placed = |mass: f64| Placed { way: DVec3::ZERO, velocity: DVec3::ZERO, inverse_mass: mass.recip() };
+        particles.begin(masses.into_iter().map(placed));
+        let mut tetrahedra = tick(corners);
         (0..times).for_each(|_| tetrahedra.solve(particles.moving(), elasticity, false));
         std::array::from_fn(|corner| corners[corner] + particles.state(corner)[0])
     }
@@ -411,6 +502,32 @@ mod tests {
             let after = solved(&corners, [1.0; 4], elasticity, 200);
             let [squares, volume] = invariants(&after);
             assert!((volume - 1.0).abs() < 1.0e-3 && (squares - 3.0).abs() < 1.0e-2, "{volume} {squares}");
+        }
+    }
+
+    #[test]
+    fn nothing_is_left_inverted_and_what_is_not_flat_is_not_touched() {
+        let masses = [1.0, 2.0, 0.5, 3.0];
+        let upright = |corners: &[DVec3; 4], times: usize| {
+            let mut particles = ParticleRows::default();
+            let placed = |mass: f64| Placed { way: DVec3::ZERO, velocity: DVec3::ZERO, inverse_mass: mass.recip() };
+            particles.begin(masses.into_iter().map(placed));
+            let tetrahedra = tick(corners);
+            let acted = (0..times).filter(|time| tetrahedra.keep_upright(particles.moving(), time % 2 == 1)).count();
+            (acted, std::array::from_fn(|corner| corners[corner] + particles.state(corner)[0]))
+        };
+        for height in [1.0, 0.06, 0.04, 0.0, -0.3, -1.0] {
+            // Pressed along z, around a corner.
+            let pressed = REST.map(|corner| corner * DVec3::new(1.0, 1.0, height));
+            let (acted, after) = upright(&pressed, 30);
+            let [_, volume] = invariants(&after);
+            if height > 0.05 {
+                assert!(acted == 0 && after == pressed, "{height}");
+                continue;
+            }
+            assert!((volume - 0.05).abs() < 1.0e-5 && (1..30).contains(&acted), "{height}: {volume} {acted}");
+            let momentum: DVec3 = (0..4).map(|corner| masses[corner] * (after[corner] - pressed[corner])).sum();
+            assert!(momentum.length() < 1.0e-5, "{momentum}");
         }
     }
 
