@@ -1,8 +1,8 @@
 //! Ten bodies fall into a heap and come to rest.
 
 use bevy_circumsphere::{prelude::*, response::*};
-use circumsphere_support::tetrahedra::tetrahedral_pile;
-use glam::Vec3;
+use circumsphere_support::tetrahedra::{tetrahedral_ball, tetrahedral_box, tetrahedral_pile};
+use glam::{DVec3, Vec3};
 
 use crate::{
     files::bodies,
@@ -77,5 +77,31 @@ fn real_bodies_fall_on_the_ground_without_an_inverted_tetrahedron() {
         assert!(least > 0.0, "{name}: {least}");
         let top = world.positions(&solid).into_iter().map(|at| at.y).fold(0.0, f64::max);
         assert!(top < f64::from(high - low) + 0.05, "{name} is {top} high");
+    }
+}
+
+#[test]
+fn a_swept_ball_that_is_thrown_at_the_ground_and_at_a_cube_passes_through_neither_and_is_not_inverted() {
+    for speed in [5.0, 10.0, 20.0] {
+        let mut world = World::new();
+        world.app.world_mut().spawn(RigidShape(SharedShape::halfspace(Vec3::Y)));
+        let cube = world.add(&tetrahedral_box([6; 3], [0.15; 3]), XpbdMaterial::SOLID, SweptCollision);
+        world.place(&cube, cube.rest.iter().map(|at| *at + DVec3::Y * 0.16));
+        let ball = world.add(&tetrahedral_ball(6, 0.12), XpbdMaterial::SOLID, (SweptCollision, SelfCollision));
+        world.place(&ball, ball.rest.iter().map(|at| *at + DVec3::new(0.03, 0.6, 0.02)));
+        world.body_mut(&ball).velocities.fill(Vec3::NEG_Y * speed);
+        let mut least = f64::INFINITY;
+        for tick in 0..60 {
+            world.tick();
+            for body in [&cube, &ball] {
+                least = world.volumes(body).into_iter().fold(least, f64::min);
+                let lowest = world.positions(body).into_iter().map(|at| at.y).fold(f64::INFINITY, f64::min);
+                assert!(lowest > 0.0, "{speed}: {lowest} in tick {tick}");
+            }
+        }
+        println!("{speed} m/s: the least volume is {least:.3}");
+        assert!(least > 0.0, "{speed}: {least}");
+        let highest = world.positions(&ball).into_iter().map(|at| at.y).fold(0.0, f64::max);
+        assert!(highest > 0.15, "it has been crushed: {highest}");
     }
 }

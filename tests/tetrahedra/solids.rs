@@ -77,6 +77,22 @@ fn a_bar_stretches_by_youngs_modulus_and_thins_by_poissons_ratio() {
 }
 
 #[test]
+fn a_bar_as_stiff_as_the_solver_can_make_it_is_a_fifth_too_soft_and_less_with_more_substeps() {
+    // Its density times the square of its edge per substep.
+    let most = 1000.0 * f64::powi(0.05 * 60.0 * 10.0, 2);
+    for (substeps, error) in [(10, 0.25), (30, 0.02)] {
+        let mut world = World::new();
+        world.settings().substeps = substeps;
+        let bar = world.add(&tetrahedral_box([16, 4, 4], [0.4, 0.1, 0.1]), elastic(most as f32, 0.3), ());
+        loaded(&mut world, &bar, |area| DVec3::X * area.x * (0.02 * most));
+        let [along, _] = stretches(&world, &bar);
+        println!("{substeps} substeps: {along}");
+        // Of the second order in the strain, it is nonlinear.
+        assert!((-0.03..error).contains(&((along - 1.0) / 0.02 - 1.0)), "{substeps}: {along}");
+    }
+}
+
+#[test]
 fn a_cube_under_pressure_shrinks_by_its_bulk_modulus() {
     for (young_modulus, poisson_ratio, scale) in [(1.0e5, 0.45, 0.99), (1.0e5, 0.3, 0.8), (5.0e4, 0.4, 1.2)] {
         let mut world = World::new();
