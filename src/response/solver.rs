@@ -51,13 +51,11 @@ struct Part {
     springs: Springs,
     hinges: Hinges,
     tetrahedra: Tetrahedra,
-    /// Whether contacts had flattened one of them.
-    is_flat: bool,
 }
 
 impl Part {
     fn begin(&mut self, (number, body): (usize, &SolverBody), slab: usize, start: &[DVec3]) {
-        let Self { body: of, springs, hinges, tetrahedra, .. } = self;
+        let Self { body: of, springs, hinges, tetrahedra } = self;
         *of = number;
         springs.clear();
         hinges.clear();
@@ -178,18 +176,14 @@ impl Inners {
         if !*has_tetrahedra {
             return;
         }
-        share(team, slabs, |part| part.is_flat = part.tetrahedra.keep_upright(rows, false));
+        share(team, slabs, |part| _ = part.tetrahedra.keep_upright(rows));
+        let mut acted = false;
         for part in &*between {
-            if part.tetrahedra.keep_upright(rows, false) {
-                part.tetrahedra.keep_upright(rows, true);
-            }
+            acted |= part.tetrahedra.keep_upright(rows);
         }
-        // Where nothing was flat, nothing has become so, except by its neighbors: the next substep will tell.
-        share(team, slabs, |part| {
-            if part.is_flat {
-                part.tetrahedra.keep_upright(rows, true);
-            }
-        });
+        if acted {
+            share(team, slabs, |part| _ = part.tetrahedra.keep_upright(rows));
+        }
     }
 
     fn damp(&mut self, team: &dyn Team, bodies: &[SolverBody], rows: MovingRows<'_>, step: f64) {

@@ -1,7 +1,7 @@
 //! Ten bodies fall into a heap and come to rest.
 
 use bevy_circumsphere::{prelude::*, response::*};
-use circumsphere_support::tetrahedra::{tetrahedral_ball, tetrahedral_box, tetrahedral_pile};
+use circumsphere_support::tetrahedra::{TetrahedralMesh, tetrahedral_ball, tetrahedral_box, tetrahedral_pile};
 use glam::{DVec3, Vec3};
 
 use crate::{
@@ -9,13 +9,12 @@ use crate::{
     world::{Solid, World, moved},
 };
 
-/// Drops some bodies of the pile, and returns the world after some ticks.
-fn dropped(count: usize, ticks: usize, material: XpbdMaterial) -> (World, Vec<Solid>) {
+/// Drops bodies, and returns the world after some ticks.
+fn dropped(meshes: &[TetrahedralMesh], ticks: usize, material: XpbdMaterial) -> (World, Vec<Solid>) {
     let mut world = World::new();
     world.settings().gravity = Vec3::NEG_Y * 9.81;
     world.app.world_mut().spawn(RigidShape(SharedShape::halfspace(Vec3::Y)));
-    let solids: Vec<Solid> =
-        tetrahedral_pile().iter().take(count).map(|mesh| world.add(mesh, material, SelfCollision)).collect();
+    let solids: Vec<Solid> = meshes.iter().map(|mesh| world.add(mesh, material, SelfCollision)).collect();
     for tick in 0..ticks {
         world.tick();
         for (number, solid) in solids.iter().enumerate() {
@@ -37,8 +36,10 @@ fn assert_at_rest(world: &World, solids: &[Solid]) {
 }
 
 #[test]
-fn four_bodies_come_to_rest_on_each_other_without_an_inverted_tetrahedron() {
-    let (world, solids) = dropped(5, 150, XpbdMaterial::SOLID);
+fn boxes_come_to_rest_on_each_other_without_an_inverted_tetrahedron() {
+    // Without the balls, which roll for long.
+    let boxes: Vec<TetrahedralMesh> = tetrahedral_pile().into_iter().step_by(2).take(4).collect();
+    let (world, solids) = dropped(&boxes, 150, XpbdMaterial::SOLID);
     assert_at_rest(&world, &solids);
 }
 
@@ -46,7 +47,7 @@ fn four_bodies_come_to_rest_on_each_other_without_an_inverted_tetrahedron() {
 #[ignore = "takes a minute"]
 fn ten_bodies_of_a_thousand_tetrahedra_come_to_rest_without_an_inverted_one() {
     for young_modulus in [3.0e4, 1.0e5, 1.0e6] {
-        let (world, solids) = dropped(10, 600, XpbdMaterial { young_modulus, ..XpbdMaterial::SOLID });
+        let (world, solids) = dropped(&tetrahedral_pile(), 600, XpbdMaterial { young_modulus, ..XpbdMaterial::SOLID });
         let count: usize = solids.iter().map(|solid| solid.tetrahedra.len()).sum();
         assert!(count >= 10_000);
         assert_at_rest(&world, &solids);

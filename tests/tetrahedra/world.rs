@@ -126,15 +126,10 @@ impl Solid {
 
     /// The area around each vertex of the surface, as a vector outward: a third of that of its triangles, at rest.
     pub fn areas(&self, world: &World) -> Vec<DVec3> {
-        self.areas_at(world, &self.rest)
-    }
-
-    /// The same at other positions.
-    pub fn areas_at(&self, world: &World, positions: &[DVec3]) -> Vec<DVec3> {
         let mut areas = vec![DVec3::ZERO; self.rest.len()];
         let surface = world.app.world().get::<DeformableSurface>(self.entity).unwrap();
         for corners in surface.topology().triangles() {
-            let [a, b, c] = corners.map(|corner| positions[corner as usize]);
+            let [a, b, c] = corners.map(|corner| self.rest[corner as usize]);
             corners.iter().for_each(|&corner| areas[corner as usize] += (b - a).cross(c - a) / 6.0);
         }
         areas
