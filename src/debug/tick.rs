@@ -6,16 +6,15 @@ use glam::Vec3;
 use super::LevelOfDetail;
 use crate::{
     contacts::{Contact, StoredPair, SurfaceContacts},
-    detection::{CandidateTrianglePairs, Containments, PairFates, SurfaceStates, surfaces_with_method},
+    detection::{CandidateTrianglePairs, PairFates, SurfaceStates, surfaces_with_method},
     kernel::{
         mesh::{bounds::Aabb, ids::VertexId},
         pose::Pose,
     },
-    response::XpbdBody,
     settings::CircumsphereSettings,
     surface::{
         ActiveSurface, ActiveSurfaces, Circumspheres, ContactMethod, ContactSide, EnclosingBalls, RigidShape,
-        SurfacePositions, TetrahedralBody, TriangleCones, TriangleCurvature, first_non_finite,
+        SurfacePositions, TriangleCones, TriangleCurvature, first_non_finite,
     },
 };
 
@@ -38,9 +37,6 @@ pub(super) struct Detected<'w, 's> {
     pub(super) settings: Res<'w, CircumsphereSettings>,
     pub(super) fates: PairFates<'w, 's>,
     pub(super) states: Res<'w, SurfaceStates>,
-    /// If the plugin that finds them is there.
-    pub(super) containments: Option<Res<'w, Containments>>,
-    pub(super) tetrahedra: Query<'w, 's, (&'static TetrahedralBody, Option<&'static XpbdBody>)>,
     surfaces: Query<'w, 's, Carried>,
     pub(super) shapes: Query<'w, 's, &'static RigidShape>,
 }
@@ -53,13 +49,6 @@ impl Detected<'_, '_> {
         let positions = carried.positions.0.as_slice();
         let is_whole = positions.len() == surface.topology.vertex_count() && first_non_finite(positions).is_none();
         is_whole.then_some((positions, carried))
-    }
-
-    /// A vertex of an active surface in the world.
-    pub(super) fn vertex(&self, entity: Entity, vertex: VertexId) -> Option<Vec3> {
-        let surface = self.active.surfaces.iter().find(|surface| surface.entity == entity)?;
-        let (positions, _) = self.surface(surface)?;
-        Some(surface.pose.transform_point(positions.get(vertex.index())?.as_dvec3()).as_vec3())
     }
 
     /// For each active surface, whether `method` tested a pair of it in this tick.

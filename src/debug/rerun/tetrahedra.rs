@@ -1,5 +1,6 @@
 //! Draws tetrahedra, and the vertices that lie in them with their ways out.
 
+use bevy_ecs::{prelude::*, system::SystemParam};
 use glam::Vec3;
 use rerun::{AnyValues, Arrows3D, AsComponents, LineStrips3D, Radius};
 
@@ -10,10 +11,41 @@ use super::{
     values,
 };
 use crate::{
-    debug::{LevelOfDetail, tick::Detected},
-    detection::VertexContainment,
-    surface::ActiveSurface,
+    debug::LevelOfDetail,
+    detection::{Containments, VertexContainment},
+    kernel::mesh::ids::VertexId,
+    response::XpbdBody,
+    surface::{ActiveSurface, ActiveSurfaces, SurfacePositions, TetrahedralBody, first_non_finite},
 };
+
+/// Tetrahedral bodies, and what is in them.
+#[derive(SystemParam)]
+pub(super) struct Solids<'w, 's> {
+    active: Res<'w, ActiveSurfaces>,
+    /// If the plugin that finds them is there.
+    containments: Option<Res<'w, Containments>>,
+    bodies: Query<'w, 's, (&'static TetrahedralBody, &'static SurfacePositions, Option<&'static XpbdBody>)>,
+}
+
+impl Solids<'_, '_> {
+    fn containments(&self) -> impl Iterator<Item = &VertexContainment> {
+        self.containments.iter().flat_map(|containments| containments.iter())
+    }
+
+    /// A body with its positions, if they can be drawn.
+    fn body(&self, entity: Entity) -> Option<(&TetrahedralBody, &[Vec3], Option<&XpbdBody>)> {
+        let (inside, SurfacePositions(positions), body) = self.bodies.get(entity).ok()?;
+        let is_whole = positions.len() == inside.topology().vertex_count() && first_non_finite(positions).is_none();
+        is_whole.then_some((inside, positions.as_slice(), body))
+    }
+
+    /// A vertex of a body in the world.
+    fn vertex(&self, entity: Entity, vertex: VertexId) -> Option<Vec3> {
+        let surface = self.active.surfaces.iter().find(|surface| surface.entity == entity)?;
+        let (_, positions, _) = self.body(entity)?;
+        Some(surface.pose.transform_point(positions.get(vertex.index())?.as_dvec3()).as_vec3())
+    }
+}
 
 /// A line along all edges of a tetrahedron. One of them twice: no line has each once.
 const STRIP: [usize; 8] = [0, 1, 2, 0, 3, 1, 2, 3];
@@ -31,12 +63,12 @@ const FULL_COLOR: f32 = 0.3;
 const LINE: Radius = Radius(rerun::datatypes::Float32(-1.5));
 
 /// Draws tetrahedra, colored by how their volume has changed: all, or those that contain something or are inverted.
-pub(super) fn draw(writer: &mut TickWriter, detected: &Detected, level: LevelOfDetail, names: &Names) {
+pub(super) fn draw(writer: &mut TickWriter, solids: &Solids, level: LevelOfDetail, names: &Names) {
     if level == LevelOfDetail::Off {
         return;
     }
     let bodies: Vec<Drawn> =
-        detected.active.surfaces.iter().filter_map(|surface| Drawn::new(detected, surface, level)).collect();
+        solids.active.surfaces.iter().filter_map(|surface| Drawn::new(solids, surface, level)).collect();
     let count = bodies.iter().map(|body| body.wanted.len()).sum();
     let mut share = writer.share(Layer::Tetrahedra, count, BYTES, bodies.len(), row_bytes(10));
     for Drawn { surface, positions, tetrahedra, volumes, wanted } in &bodies {
@@ -76,21 +108,16 @@ struct Drawn<'a> {
 
 impl<'a> Drawn<'a> {
     /// `None` if nothing of the surface is drawn.
-    fn new(detected: &'a Detected, surface: &'a ActiveSurface, level: LevelOfDetail) -> Option<Self> {
-        let (topology, body) = detected.tetrahedra.get(surface.entity).ok()?;
-        let (positions, _) = detected.surface(surface)?;
-        let topology = topology.topology();
-        if topology.vertex_count() != positions.len() {
-            return None;
-        }
-        let tetrahedra = topology.tetrahedra();
+    fn new(solids: &'a Solids, surface: &'a ActiveSurface, level: LevelOfDetail) -> Option<Self> {
+        let (inside, positions, body) = solids.body(surface.entity)?;
+        let tetrahedra = inside.topology().tetrahedra();
         let volumes: Vec<f32> = body.map_or_else(Vec::new, |body| body.relative_volumes(positions).collect());
         let volumes = if volumes.len() == tetrahedra.len() { volumes } else { Vec::new() };
         let mut is_wanted = vec![level == LevelOfDetail::All; tetrahedra.len()];
         for (is_wanted, &volume) in is_wanted.iter_mut().zip(&volumes) {
             *is_wanted |= volume <= 0.0;
         }
-        for found in containments(detected).filter(|found| found.container == surface.entity) {
+        for found in solids.containments().filter(|found| found.container == surface.entity) {
             is_wanted[found.tetrahedron.index()] = true;
         }
         let wanted: Vec<u32> =
@@ -99,13 +126,9 @@ impl<'a> Drawn<'a> {
     }
 }
 
-fn containments<'a>(detected: &'a Detected) -> impl Iterator<Item = &'a VertexContainment> {
-    detected.containments.iter().flat_map(|containments| containments.iter())
-}
-
 /// Draws an arrow from every vertex in a tetrahedral body to the body's surface.
-pub(super) fn draw_containments(writer: &mut TickWriter, detected: &Detected, names: &Names) {
-    let all: Vec<&VertexContainment> = containments(detected).collect();
+pub(super) fn draw_containments(writer: &mut TickWriter, solids: &Solids, names: &Names) {
+    let all: Vec<&VertexContainment> = solids.containments().collect();
     let is_same = |one: &&VertexContainment, other: &&VertexContainment| {
         (one.body, one.container) == (other.body, other.container)
     };
@@ -124,7 +147,7 @@ pub(super) fn draw_containments(writer: &mut TickWriter, detected: &Detected, na
     for list in lists {
         let kept = share.places(list.len()).into_iter().map(|place| list[place]);
         let arrows: Vec<(&VertexContainment, [f32; 3])> =
-            kept.filter_map(|found| Some((found, detected.vertex(found.body, found.vertex)?.to_array()))).collect();
+            kept.filter_map(|found| Some((found, solids.vertex(found.body, found.vertex)?.to_array()))).collect();
         let Some((first, _)) = arrows.first() else { continue };
         let ways = arrows.iter().map(|(found, _)| (found.direction * found.depth).as_vec3().to_array());
         let ways = Arrows3D::from_vectors(ways)
