@@ -6,6 +6,7 @@
 
 mod kernel;
 mod response;
+mod tetrahedra;
 
 use std::{process::ExitCode, sync::LazyLock};
 

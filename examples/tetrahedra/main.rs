@@ -1,7 +1,7 @@
 //! Finds the vertices of two tetrahedral bodies that lie in each other, in a headless app.
 //!
 //! `cargo run --release --example tetrahedra -- A.msh B.msh --translate X,Y,Z --containments FILE.csv`; `--help` lists
-//! the options. Without files it plays an embedded scene: a bar curls up until its ends meet, and a ball falls into it.
+//! the options. Without files it plays an embedded scene: two soft bodies fall on each other.
 
 mod options;
 mod output;
@@ -13,7 +13,7 @@ use std::{
     process::ExitCode,
 };
 
-use bevy_circumsphere::{SurfaceStatus, geometry::TetrahedraError};
+use bevy_circumsphere::{SurfaceStatus, geometry::TetrahedraError, response::XpbdBodyError};
 use circumsphere_examples::headless::{BAD_INPUT, recording::RecordingError};
 use circumsphere_support::tetrahedra::{TetrahedralMesh, TetrahedralMeshError, read_tetrahedral_mesh};
 use clap::Parser;
@@ -31,6 +31,8 @@ enum TetrahedraExampleError {
     Moved { file: PathBuf, vertex: usize },
     #[error("{name}: cannot be used: {status:?}")]
     Unused { name: String, status: SurfaceStatus },
+    #[error(transparent)]
+    Soft(#[from] XpbdBodyError),
     #[error(transparent)]
     Output(#[from] OutputError),
     #[error(transparent)]
@@ -55,21 +57,10 @@ fn run(options: &Options) -> Result<(), TetrahedraExampleError> {
     let file = options.containments.as_deref().map(output::ContainmentFile::create).transpose()?;
     let recorder = options.recording.rerun.as_deref().map(|path| options.recording.recorder(path)).transpose()?;
     let recorder = recorder.unwrap_or_default();
-    let (mut stage, scene) = if let Some(meshes) = meshes {
-        (Stage::new(meshes, false, recorder)?, None)
-    } else {
-        let scene = stage::embedded_scene();
-        (Stage::new(scene.parts(), true, recorder)?, Some(scene))
-    };
-    let table = match scene {
-        None => vec![stage.tick(0)?],
-        Some(scene) => (0..stage::TICKS)
-            .map(|tick| {
-                stage.move_to(&scene.positions_at(tick));
-                stage.tick(tick)
-            })
-            .collect::<Result<_, _>>()?,
-    };
+    let (parts, moves) = meshes.map_or_else(|| (stage::embedded_scene(), true), |meshes| (meshes, false));
+    let mut stage = Stage::new(parts, moves, recorder)?;
+    let ticks = if moves { stage::TICKS } else { 1 };
+    let table = (0..ticks).map(|tick| stage.tick(tick)).collect::<Result<Vec<_>, _>>()?;
     if let Some(file) = file {
         file.write(&stage.rows())?;
     }

@@ -79,12 +79,14 @@ pub struct Tick {
     /// Vertices in their own body.
     pub in_own: usize,
     pub deepest: f64,
+    /// The least volume of a tetrahedron relative to that at rest. `None` if nothing moves.
+    pub least_volume: Option<f32>,
     /// The time to find containments.
     pub duration: Duration,
 }
 
 /// How many ticks one line of the table stands for.
-const TICKS_OF_LINE: usize = 6;
+const TICKS_OF_LINE: usize = 12;
 
 pub struct Table<'a> {
     pub bodies: Vec<String>,
@@ -96,13 +98,18 @@ impl Display for Table<'_> {
         for body in &self.bodies {
             writeln!(out, "{body}")?;
         }
-        writeln!(out, "\n{:>6}{:>12}{:>12}{:>14}{:>12}", "tick", "in other", "in own", "deepest", "ms")?;
+        writeln!(
+            out,
+            "\n{:>6}{:>12}{:>12}{:>14}{:>14}{:>12}",
+            "tick", "in other", "in own", "deepest", "least volume", "ms"
+        )?;
         let last = self.ticks.len().saturating_sub(1);
-        for Tick { number, in_other, in_own, deepest, duration } in
+        for Tick { number, in_other, in_own, deepest, least_volume, duration } in
             self.ticks.iter().filter(|tick| tick.number % TICKS_OF_LINE == 0 || tick.number == last)
         {
             let milliseconds = duration.as_secs_f64() * 1.0e3;
-            writeln!(out, "{number:>6}{in_other:>12}{in_own:>12}{deepest:>14.6}{milliseconds:>12.3}")?;
+            let volume = least_volume.map_or_else(|| "-".to_owned(), |volume| format!("{volume:.3}"));
+            writeln!(out, "{number:>6}{in_other:>12}{in_own:>12}{deepest:>14.6}{volume:>14}{milliseconds:>12.3}")?;
         }
         let mut durations: Vec<Duration> = self.ticks.iter().map(|tick| tick.duration).collect();
         durations.sort_unstable();

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use bevy_ecs::{entity::EntityHashMap, prelude::*};
 
 use super::{
-    body::RestShape,
+    rest::RestShape,
     solver::{Solver, SolverBody},
 };
 use crate::kernel::mesh::{edge_distances::nearest_along_edges, ids::VertexId, topology::SurfaceTopology};

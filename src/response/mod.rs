@@ -119,6 +119,7 @@
 mod anchors;
 mod body;
 mod contact;
+mod error;
 mod forces;
 #[cfg(feature = "mesh")]
 mod garment;
@@ -128,12 +129,14 @@ mod history;
 #[cfg(feature = "serde")]
 mod infinite;
 mod inside;
+mod material;
 mod meeting;
 mod motion;
 mod particles;
 mod reaction;
 mod record;
 mod respond;
+mod rest;
 mod scene;
 #[cfg(feature = "serde")]
 mod serialized;
@@ -155,13 +158,15 @@ use crate::{
     schedule::{DeformableSystems, HostSchedule, run_detection},
     surface::ActiveSurfaces,
 };
-pub use body::{SurfaceFriction, XpbdBody, XpbdBodyError, XpbdMaterial};
+pub use body::{SurfaceFriction, XpbdBody};
+pub use error::XpbdBodyError;
 pub use forces::{SurfaceForces, SurfaceWind};
 #[cfg(feature = "mesh")]
 pub use garment::{GarmentPaint, XpbdGarment, XpbdGarmentError, XpbdGarmentNotWorn, XpbdGarments};
 #[cfg(test)]
 pub(crate) use history::PARTS as HISTORY_PARTS;
 pub(crate) use history::ResponseHistory;
+pub use material::XpbdMaterial;
 pub use reaction::SurfaceReaction;
 pub use respond::XpbdDiagnostics;
 pub use settings::XpbdSettings;

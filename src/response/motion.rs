@@ -21,7 +21,7 @@ use crate::{
         mesh::{bounds::Aabb, topology::SurfaceTopology},
         pose::Pose,
     },
-    surface::{ActiveSurface, ActiveSurfaces, DeformableSurface, SurfacePositions, SweptTarget},
+    surface::{ActiveSurface, ActiveSurfaces, DeformableSurface, SurfacePositions, SweptTarget, TetrahedralBody},
 };
 
 /// Largest number of parts of a tick. With fewer, no kinematic object moves farther between two detections than the
@@ -193,7 +193,11 @@ pub(super) fn begin(
     active: Res<ActiveSurfaces>,
     sleep: Res<Sleep>,
     mut motions: ResMut<Motions>,
-    mut surfaces: Query<(&mut SurfacePositions, Option<&mut XpbdBody>, Option<&DeformableSurface>)>,
+    mut surfaces: Query<(
+        &mut SurfacePositions,
+        Option<&mut XpbdBody>,
+        Option<(&DeformableSurface, Option<&TetrahedralBody>)>,
+    )>,
 ) {
     let motions = &mut *motions;
     motions.stand_still();
@@ -214,12 +218,12 @@ pub(super) fn begin(
     let mut bodies = Vec::new();
     for surface in &active.surfaces {
         let Ok((mut positions, body, mesh)) = surfaces.get_mut(surface.entity) else { continue };
-        let mean_edge = mesh.map_or(0.0, |mesh| f64::from(mesh.mean_edge()) * surface.pose.scale());
+        let mean_edge = mesh.map_or(0.0, |(mesh, _)| f64::from(mesh.mean_edge()) * surface.pose.scale());
         let is_asleep = sleep.is_asleep(surface.entity);
         let mut body = body;
-        if let Some((body, mesh)) = body.as_mut().zip(mesh)
+        if let Some((body, (mesh, inside))) = body.as_mut().zip(mesh)
             && body.is_of_another(mesh.topology())
-            && let Ok(made) = body.with_mesh(mesh, &positions, &surface.pose)
+            && let Ok(made) = body.with_mesh(mesh, inside, &positions, &surface.pose)
         {
             **body = made;
         }

@@ -9,7 +9,8 @@ use bevy_time::Time;
 use glam::{DVec3, Vec3};
 
 use super::{
-    body::{MOST_COORDINATE, XpbdBody, XpbdBodyError},
+    body::XpbdBody,
+    error::{MOST_COORDINATE, XpbdBodyError},
     gather::{Gatherer, Watch},
     guard::Guard,
     motion::{self, Motions},
@@ -327,8 +328,8 @@ fn respond(
     gatherer.begin();
     let awake = scene.active.surfaces.iter().filter(|surface| !sleep.is_asleep(surface.entity));
     for surface in awake {
-        let Ok((positions, Some(body))) = scene.positions.get(surface.entity) else { continue };
-        match body.check(&surface.topology, positions.0.len()) {
+        let Ok((positions, Some(body), inside)) = scene.positions.get(surface.entity) else { continue };
+        match body.check(&surface.topology, positions.0.len()).and_then(|()| body.check_inside(inside)) {
             Ok(()) => {
                 gatherer.add_body(solver, &scene, surface, &positions.0, body);
                 moved.push(surface.entity);

@@ -17,15 +17,18 @@ use crate::{
     detection::{SharedList, Threads},
     kernel::{contact::TouchingPair, mesh::feature::FeatureKind, pose::Pose},
     settings::CircumsphereSettings,
-    surface::{ActiveShape, ActiveSurfaces, ContactFilter, SurfacePositions, SweptCollision},
+    surface::{ActiveShape, ActiveSurfaces, ContactFilter, SurfacePositions, SweptCollision, TetrahedralBody},
 };
+
+/// A surface, with its body and its tetrahedra if it has any.
+type PositionsOf = (Ref<'static, SurfacePositions>, Option<&'static XpbdBody>, Option<&'static TetrahedralBody>);
 
 /// What the response reads from the world.
 #[derive(SystemParam)]
 pub(super) struct Scene<'w, 's> {
     pub(super) active: Res<'w, ActiveSurfaces>,
     pub(super) motions: Res<'w, Motions>,
-    pub(super) positions: Query<'w, 's, (Ref<'static, SurfacePositions>, Option<&'static XpbdBody>)>,
+    pub(super) positions: Query<'w, 's, PositionsOf>,
     pub(super) store: Res<'w, ContactStore>,
     pub(super) tethers: Query<'w, 's, &'static XpbdTethers>,
     pub(super) winds: Query<'w, 's, &'static SurfaceWind>,
@@ -58,13 +61,13 @@ impl Scene<'_, '_> {
 
     /// Whether the solver moves a surface, unless it sleeps.
     pub(super) fn is_body(&self, entity: Entity) -> bool {
-        self.positions.get(entity).is_ok_and(|(_, body)| body.is_some())
+        self.positions.get(entity).is_ok_and(|(_, body, _)| body.is_some())
     }
 
     /// Whether pinned vertices or tethers hold a body.
     pub(super) fn is_held(&self, entity: Entity) -> bool {
         let is_pinned = |body: &XpbdBody| body.inverse_masses.iter().any(|&inverse_mass| inverse_mass <= 0.0);
-        let body = self.positions.get(entity).ok().and_then(|(_, body)| body);
+        let body = self.positions.get(entity).ok().and_then(|(_, body, _)| body);
         body.is_some_and(is_pinned) || self.tethers.contains(entity)
     }
 
@@ -114,7 +117,7 @@ impl Scene<'_, '_> {
         if let Some(course) = self.motions.course(entity) {
             return Some([course.now.point(vertex), course.ahead.point(vertex)]);
         }
-        let (positions, _) = self.positions.get(entity).ok()?;
+        let (positions, ..) = self.positions.get(entity).ok()?;
         Some([pose.transform_point(positions.0.get(vertex)?.as_dvec3()); 2])
     }
 

@@ -7,7 +7,10 @@ use glam::{DAffine3, Vec3};
 use serde::{Deserialize, Deserializer, Serialize, Serializer, de::Error};
 
 use super::{
-    body::{RestShape, XpbdBody, XpbdBodyError, XpbdMaterial, check_finite, count},
+    body::{XpbdBody, check_finite, count},
+    error::XpbdBodyError,
+    material::XpbdMaterial,
+    rest::RestShape,
     tethers::{Place, Tether, TetherTarget, XpbdTethers},
 };
 use crate::kernel::{mesh::topology::SurfaceTopology, pose::Pose};
@@ -17,6 +20,7 @@ use crate::kernel::{mesh::topology::SurfaceTopology, pose::Pose};
 struct WrittenBody<'a> {
     mesh: &'a SurfaceTopology,
     rest_positions: &'a [Vec3],
+    tetrahedra: Option<&'a [[u32; 4]]>,
     material: XpbdMaterial,
     inverse_masses: &'a [f32],
     velocities: &'a [Vec3],
@@ -29,6 +33,8 @@ struct WrittenBody<'a> {
 struct ReadBody {
     mesh: SurfaceTopology,
     rest_positions: Vec<Vec3>,
+    #[serde(default)]
+    tetrahedra: Option<Vec<[u32; 4]>>,
     material: XpbdMaterial,
     inverse_masses: Vec<f32>,
     velocities: Vec<Vec3>,
@@ -42,6 +48,7 @@ impl Serialize for XpbdBody {
         WrittenBody {
             mesh,
             rest_positions: &rest.positions,
+            tetrahedra: rest.inside.as_ref().map(|inside| &*inside.tetrahedra),
             material: *material,
             inverse_masses,
             velocities,
@@ -61,7 +68,7 @@ impl<'de> Deserialize<'de> for XpbdBody {
 }
 
 fn body(read: ReadBody, stood: Option<Pose>) -> Result<XpbdBody, XpbdBodyError> {
-    let ReadBody { mesh, rest_positions, material, inverse_masses, velocities, written, .. } = read;
+    let ReadBody { mesh, rest_positions, tetrahedra, material, inverse_masses, velocities, written, .. } = read;
     let vertices = mesh.vertex_count();
     count("rest positions", vertices, rest_positions.len())?;
     check_finite(&rest_positions)?;
@@ -70,7 +77,7 @@ fn body(read: ReadBody, stood: Option<Pose>) -> Result<XpbdBody, XpbdBodyError> 
         check_finite(&written)?;
     }
     let mesh = Arc::new(mesh);
-    let rest = Arc::new(RestShape::new(&mesh, &rest_positions));
+    let rest = Arc::new(RestShape::new(&mesh, &rest_positions, tetrahedra.as_deref())?);
     let body = XpbdBody { velocities, inverse_masses, material, mesh: Arc::clone(&mesh), rest, written, stood };
     body.check(&mesh, vertices)?;
     Ok(body)

@@ -14,10 +14,7 @@ use std::sync::Arc;
 use glam::{DVec3, Vec3};
 
 use super::{
-    body::{RestShape, XpbdMaterial},
-    contact::SolverContacts,
-    particles::Particles,
-    reaction::Reactions,
+    contact::SolverContacts, material::XpbdMaterial, particles::Particles, reaction::Reactions, rest::RestShape,
     settings::XpbdSettings,
 };
 use crate::{
@@ -26,7 +23,8 @@ use crate::{
         mesh::topology::SurfaceTopology,
         simd::parallel::{Sequential, Team, share},
         xpbd::{
-            Air, Attachments, Evaluation, Hinges, MovingRows, ParticleRows, Springs, Tethered, Tethers, Volumes, Winds,
+            Air, Attachments, Elasticity, Evaluation, Hinges, MovingRows, ParticleRows, Springs, Tethered, Tethers,
+            Tetrahedra, Volumes, Winds,
         },
     },
 };
@@ -52,21 +50,30 @@ struct Part {
     body: usize,
     springs: Springs,
     hinges: Hinges,
+    tetrahedra: Tetrahedra,
 }
 
 impl Part {
     fn begin(&mut self, (number, body): (usize, &SolverBody), slab: usize, start: &[DVec3]) {
-        let Self { body: of, springs, hinges } = self;
+        let Self { body: of, springs, hinges, tetrahedra } = self;
         *of = number;
         springs.clear();
         hinges.clear();
-        springs.add((&body.rest.springs, slab), body.first, body.scale, start);
-        hinges.add((&body.rest.hinges, slab), body.first, start);
+        tetrahedra.clear();
+        let XpbdMaterial { stretch_compliance, bend_compliance, damping, .. } = body.material;
+        if stretch_compliance.is_finite() || damping > 0.0 {
+            springs.add((&body.rest.springs, slab), body.first, body.scale, start);
+        }
+        if bend_compliance.is_finite() {
+            hinges.add((&body.rest.hinges, slab), body.first, start);
+        }
+        tetrahedra.add((&body.rest.tetrahedra, slab), body.first, body.scale, start);
     }
 
     fn begin_step(&mut self) {
         self.springs.begin_step();
         self.hinges.begin_step();
+        self.tetrahedra.begin_step();
     }
 
     fn bend(&mut self, bodies: &[SolverBody], rows: MovingRows<'_>, step: f64) {
@@ -77,9 +84,16 @@ impl Part {
     }
 
     fn stretch(&mut self, bodies: &[SolverBody], rows: MovingRows<'_>, step: f64, is_backward: bool) {
-        let compliance = bodies[self.body].material.stretch_compliance;
-        if compliance.is_finite() {
-            self.springs.solve(rows, per_step(compliance, step) as f32, step as f32, is_backward);
+        let &XpbdMaterial { stretch_compliance, young_modulus, poisson_ratio, .. } = &bodies[self.body].material;
+        let elasticity = Elasticity::new(young_modulus, poisson_ratio, step);
+        if is_backward {
+            self.tetrahedra.solve(rows, elasticity, true);
+        }
+        if stretch_compliance.is_finite() {
+            self.springs.solve(rows, per_step(stretch_compliance, step) as f32, step as f32, is_backward);
+        }
+        if !is_backward {
+            self.tetrahedra.solve(rows, elasticity, false);
         }
     }
 
@@ -107,17 +121,18 @@ struct Inners {
     volumes: Volumes,
     /// The volume of each body, if it has one.
     of_bodies: Vec<Option<usize>>,
+    has_tetrahedra: bool,
 }
 
 impl Inners {
     fn begin(&mut self, bodies: &[SolverBody], start: &[DVec3]) {
-        let Self { slabs, between, volumes, of_bodies } = self;
+        let Self { slabs, between, volumes, of_bodies, has_tetrahedra } = self;
         volumes.clear();
         of_bodies.clear();
         slabs.resize_with(bodies.iter().map(|body| body.rest.springs.slabs()).sum(), Part::default);
         between.resize_with(bodies.len(), Part::default);
         let mut parts = slabs.iter_mut();
-        for (body, between) in bodies.iter().enumerate().zip(between) {
+        for (body, between) in bodies.iter().enumerate().zip(&mut *between) {
             let count = body.1.rest.springs.slabs();
             parts.by_ref().take(count).enumerate().for_each(|(slab, part)| part.begin(body, slab, start));
             between.begin(body, count, start);
@@ -126,6 +141,7 @@ impl Inners {
             let own = (first, topology.vertex_count());
             of_bodies.push(volume.map(|volume| volumes.add(volume, own, scale, start)));
         }
+        *has_tetrahedra = slabs.iter().chain(&*between).any(|part| !part.tetrahedra.is_empty());
     }
 
     fn begin_step(&mut self) {
@@ -134,7 +150,7 @@ impl Inners {
     }
 
     fn solve(&mut self, team: &dyn Team, bodies: &[SolverBody], rows: &mut ParticleRows, step: f64) {
-        let Self { slabs, between, volumes, of_bodies } = self;
+        let Self { slabs, between, volumes, of_bodies, .. } = self;
         let moving = rows.moving();
         share(team, slabs, |part| part.bend(bodies, moving, step));
         for part in &mut *between {
@@ -152,6 +168,22 @@ impl Inners {
             part.stretch(bodies, moving, step, true);
         }
         share(team, slabs, |part| part.stretch(bodies, moving, step, true));
+    }
+
+    /// Ends an iteration: contacts leave no tetrahedron inverted.
+    fn keep_upright(&mut self, team: &dyn Team, rows: MovingRows<'_>) {
+        let Self { slabs, between, has_tetrahedra, .. } = self;
+        if !*has_tetrahedra {
+            return;
+        }
+        share(team, slabs, |part| _ = part.tetrahedra.keep_upright(rows));
+        let mut acted = false;
+        for part in &*between {
+            acted |= part.tetrahedra.keep_upright(rows);
+        }
+        if acted {
+            share(team, slabs, |part| _ = part.tetrahedra.keep_upright(rows));
+        }
     }
 
     fn damp(&mut self, team: &dyn Team, bodies: &[SolverBody], rows: MovingRows<'_>, step: f64) {
@@ -292,6 +324,7 @@ impl Solver {
                 attachments.solve(rows.moving());
                 tethers.solve(rows, share as f32);
                 contacts.solve(team, rows.moving());
+                inners.keep_upright(team, rows.moving());
             }
             rows.update_velocities(step as f32);
             inners.damp(team, bodies, rows.moving(), step);

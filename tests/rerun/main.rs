@@ -14,6 +14,7 @@ mod repeats;
 mod series;
 mod settings;
 mod sinks;
+mod tetrahedra;
 mod text_log;
 mod timelines;
 mod triangles;

@@ -141,6 +141,7 @@ fn the_default_is_what_its_documentation_says() {
         contacts,
         penetrations,
         patches,
+        tetrahedra,
         pairs,
         spheres,
         cones,
@@ -151,7 +152,7 @@ fn the_default_is_what_its_documentation_says() {
     assert_eq!((every, bytes_per_tick, tree_levels), (1, 4_000_000, 4));
     assert!(series && times && shapes && contacts && penetrations);
     assert_eq!((meshes, recipe_age), (LevelOfDetail::All, LevelOfDetail::Off));
-    assert_eq!([patches, pairs, spheres, cones, curvature], [LevelOfDetail::NearContacts; 5]);
+    assert_eq!([patches, tetrahedra, pairs, spheres, cones, curvature], [LevelOfDetail::NearContacts; 6]);
 }
 
 /// A change that a game makes to a surface at some moment within a tick.

@@ -57,6 +57,7 @@ pub fn nothing() -> RerunSettings {
         contacts: false,
         penetrations: false,
         patches: LevelOfDetail::Off,
+        tetrahedra: LevelOfDetail::Off,
         pairs: LevelOfDetail::Off,
         spheres: LevelOfDetail::Off,
         cones: LevelOfDetail::Off,

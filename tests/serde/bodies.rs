@@ -13,6 +13,7 @@ use bevy_transform::components::Transform;
 use circumsphere_support::{
     random::Random,
     scenes::{Diagonals, Mesh, grid, icosphere},
+    tetrahedra::tetrahedral_ball,
 };
 use glam::Vec3;
 use serde::{Serialize, de::DeserializeOwned};
@@ -244,6 +245,35 @@ fn data_that_is_no_body_is_an_error() {
     let error =
         ron::from_str::<XpbdBody>(&ron::to_string(&lost).expect("it can be written")).expect_err("not a number");
     assert!(error.to_string().contains("velocity of vertex 5 is not finite"), "{error}");
+}
+
+#[test]
+fn a_tetrahedral_body_goes_on_like_its_clone() {
+    let mesh = tetrahedral_ball(4, 0.2);
+    let rest: Vec<Vec3> = mesh.positions.iter().copied().map(Vec3::from_array).collect();
+    let (inside, surface, positions) = TetrahedralBody::from_mesh(&rest, &mesh.tetrahedra).expect("a body");
+    let made = XpbdBody::tetrahedral(&inside, &surface, &positions, XpbdMaterial::SOLID).expect("a body");
+    let json = serde_json::to_value(&made).expect("it can be written");
+    let read: XpbdBody = serde_json::from_value(json.clone()).expect("it can be read");
+    let pressed = [&made, &read, &through_ron(&made)].map(|body| {
+        let mut app = App::new();
+        app.add_plugins((DeformableCollisionPlugins::new(Update), XpbdResponsePlugin::new(Update)));
+        app.init_resource::<Time>();
+        let mut squeezed = positions.clone();
+        squeezed.0.iter_mut().for_each(|at| at.y *= 0.7);
+        let body = app.world_mut().spawn((inside.clone(), surface.instance(), squeezed, body.clone())).id();
+        for _ in 0..10 {
+            app.world_mut().resource_mut::<Time>().advance_by(Duration::from_micros(16_667));
+            app.update();
+        }
+        app.world().get::<SurfacePositions>(body).expect("a surface").0.clone()
+    });
+    assert!(pressed[0].iter().zip(&rest).any(|(now, rest)| (*now - *rest).y < -0.1), "it falls");
+    assert!(pressed[0] == pressed[1] && pressed[0] == pressed[2]);
+    let mut data = json;
+    data["tetrahedra"][3][1] = json!(5_000);
+    let error = serde_json::from_value::<XpbdBody>(data).expect_err("it is no body");
+    assert!(error.to_string().contains("tetrahedron 3 names vertex 5000"), "{error}");
 }
 
 #[test]

@@ -21,7 +21,7 @@ const BODIES: [(&str, usize, usize); 5] = [
     ("sphere1K", 1_760, 6_851),
 ];
 
-fn bodies() -> Vec<(&'static str, TetrahedralMesh)> {
+pub fn bodies() -> Vec<(&'static str, TetrahedralMesh)> {
     let Some(folder) = recordings_folder() else { return Vec::new() };
     BODIES
         .into_iter()

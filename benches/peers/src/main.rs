@@ -1,8 +1,9 @@
 //! The parts of obvhs and rapier3d in the program `compare`, as a program of their own. What it is started with, reads,
-//! and prints is described in `benches/reports/compare/peers.rs`, and for whole steps in `steps/rapier.rs` next to it.
+//! and prints is described in `benches/reports/compare/peers.rs`, and for whole steps in `steps/rapier.rs` and `steps/solids.rs` next to it.
 
 mod boxes;
 mod rapier;
+mod solids;
 mod steps;
 
 use std::{
@@ -64,6 +65,11 @@ fn serve() -> Result<(), Box<dyn Error>> {
         && who == "steps"
     {
         return steps::run(arguments);
+    }
+    if let [who, arguments @ ..] = arguments.as_slice()
+        && who == "solids"
+    {
+        return solids::run(arguments);
     }
     let [who, file, growth, _threads] = arguments.as_slice() else {
         return Err(

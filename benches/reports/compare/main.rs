@@ -23,7 +23,8 @@
 //!
 //! Whole steps are another section, see [`steps`]: cloths that fall onto a ball, a mesh of a ball, and hilly ground, moved
 //! by the response and by rapier's soft bodies. The time is that of the whole app update, and of rapier's whole step. At
-//! the end, the f64 reference counts what crosses. `--no-steps` skips it.
+//! the end, the f64 reference counts what crosses. `--no-steps` skips it. A third section has whole steps of tetrahedral
+//! bodies, see [`steps::Solids`]. `--no-solids` skips it.
 //!
 //! Peers that would add dependencies to the crate are separate programs, see [`peers`]. They are downloaded and
 //! compiled only when they are compared. obvhs and rapier3d are in a package with its own lock file, which takes about
@@ -64,7 +65,7 @@ use peers::Peer;
 use report::Report;
 use scale::{Scale, Sweep};
 use serde::Serialize;
-use steps::Steps;
+use steps::{Solids, Steps};
 
 mod headline;
 mod input;
@@ -108,6 +109,7 @@ struct Comparison {
     inputs: Vec<Report>,
     headline: Option<Headline>,
     steps: Option<Steps>,
+    solids: Option<Solids>,
     scale: Option<Scale>,
 }
 
@@ -174,6 +176,19 @@ fn compare(options: &Options) -> Result<(), CompareError> {
     if let Some(steps) = &steps {
         let _ = write!(io::stdout(), "{steps}");
     }
+    let solids = (!options.no_solids).then(|| {
+        let progress = spinner();
+        let extent = if options.small_steps { Extent::Small } else { Extent::Usual };
+        let with_rapier = options.peers().contains(&Peer::Rapier);
+        let solids = Solids::measure(extent, &options.thread_counts(), with_rapier, |message| {
+            report_progress(&progress, message);
+        });
+        progress.finish_and_clear();
+        solids
+    });
+    if let Some(solids) = &solids {
+        let _ = write!(io::stdout(), "{solids}");
+    }
     let sweep = if options.scale { Sweep::Long } else { Sweep::Short };
     let scale = (!options.no_scale).then(|| {
         let progress = spinner();
@@ -187,7 +202,7 @@ fn compare(options: &Options) -> Result<(), CompareError> {
     let machine = Machine::new([load, machine::load()]);
     let _ = write!(io::stdout(), "\n{machine}");
     if let Some(path) = &options.json {
-        let text = serde_json::to_string_pretty(&Comparison { machine, inputs, headline, steps, scale })
+        let text = serde_json::to_string_pretty(&Comparison { machine, inputs, headline, steps, solids, scale })
             .expect("numbers and names are JSON");
         fs::write(path, text).map_err(|source| CompareError::Write { path: path.clone(), source })?;
     }

@@ -43,8 +43,11 @@ pub struct Options {
     /// Skip whole steps of cloth, with the response: ours and rapier's, unless rapier is not among the peers
     #[arg(long)]
     pub no_steps: bool,
+    /// Skip whole steps of tetrahedral bodies, with the response: ours and rapier's, unless rapier is not among the peers
+    #[arg(long)]
+    pub no_solids: bool,
     /// Measure whole steps in small scenes, to check that everything works; the figures mean nothing
-    #[arg(long, conflicts_with = "no_steps")]
+    #[arg(long)]
     pub small_steps: bool,
     /// Measure the growth of time and memory up to 1,000,000 triangles instead of 100,000; takes minutes
     #[arg(long)]

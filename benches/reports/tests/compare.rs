@@ -69,8 +69,17 @@ fn everyone_counts_what_the_reference_counts() {
     let recording = Recording { triangles: triangles.clone(), frames: states.map(|state| state.positions).into() };
     write_recording(&file, &recording).expect("the sheet can be written");
     let file = file.display().to_string();
-    let (table, comparison) =
-        compare(&[&file, "--repeat", "2", "--peers", "embree", "--no-headline", "--no-steps", "--no-scale"]);
+    let (table, comparison) = compare(&[
+        &file,
+        "--repeat",
+        "2",
+        "--peers",
+        "embree",
+        "--no-headline",
+        "--no-steps",
+        "--no-solids",
+        "--no-scale",
+    ]);
     let input = &comparison["inputs"][0];
     let rows = input["rows"].as_array().expect("there are rows");
     let has_embree = rows.iter().any(|row| row["who"] == "Embree");

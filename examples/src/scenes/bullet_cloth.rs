@@ -53,6 +53,7 @@ const STEEL: XpbdMaterial = XpbdMaterial {
     volume_compliance: f32::INFINITY,
     damping: 100.0,
     drag: 0.0,
+    ..XpbdMaterial::CLOTH
 };
 
 /// The shot goes downwards and reaches the target in the second tick.

@@ -27,6 +27,7 @@ const TISSUE: XpbdMaterial = XpbdMaterial {
     volume_compliance: 0.0,
     damping: 100.0,
     drag: 2.0,
+    ..XpbdMaterial::CLOTH
 };
 
 /// Low friction, because tissue is wet.

@@ -14,6 +14,7 @@ mod recorder;
 mod series;
 mod settings;
 mod surfaces;
+mod tetrahedra;
 mod text_log;
 mod values;
 
@@ -36,6 +37,7 @@ use self::{
     names::Names,
     recorder::{Layer, Shown, Thinned, TickWriter},
     series::Series,
+    tetrahedra::Solids,
 };
 use crate::{
     contacts::{SurfaceContacts, TouchingSides},
@@ -224,7 +226,7 @@ fn is_recording(recorder: Res<Recorder>) -> bool {
 fn record_detection(
     mut recorder: ResMut<Recorder>,
     settings: Res<RerunSettings>,
-    detected: Detected,
+    (detected, solids): (Detected, Solids),
     surfaces: Query<&DeformableSurface>,
     diagnostics: Res<DetectionDiagnostics>,
     given: Query<&Name>,
@@ -264,7 +266,11 @@ fn record_detection(
         }
         bodies.draw(&mut writer, &detected, &settings, names, &touches);
         contacts::draw(&mut writer, &detected, &settings, names, &surfaces);
+        if settings.penetrations {
+            tetrahedra::draw_containments(&mut writer, &solids, names);
+        }
         patches::draw(&mut writer, &detected, settings.patches, names, &touches);
+        tetrahedra::draw(&mut writer, &solids, settings.tetrahedra, names);
         pairs::draw(&mut writer, &detected, settings.pairs, names, &touches);
         surfaces::draw(&mut writer, &detected, &settings, names, &touches);
         tick.newly_thinned = writer.finish();

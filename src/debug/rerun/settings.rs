@@ -39,10 +39,14 @@ pub struct RerunSettings {
     pub shapes: bool,
     /// Contact points, normals, and the separations of the deepest contacts. Default true.
     pub contacts: bool,
-    /// Contacts whose sides have passed each other, and edges that pierce faces. Default true.
+    /// Contacts whose sides have passed each other, edges that pierce faces, and the vertices in tetrahedral bodies with
+    /// their ways out, if [`TetrahedralContainmentPlugin`](crate::TetrahedralContainmentPlugin) finds them. Default true.
     pub penetrations: bool,
     /// The curved patches of smooth surfaces, over the outlines of their flat triangles. Default `NearContacts`.
     pub patches: LevelOfDetail,
+    /// Tetrahedra, colored by their volume relative to that at rest if they have an
+    /// [`XpbdBody`](crate::response::XpbdBody). Default `NearContacts`: those that contain a vertex or are inverted.
+    pub tetrahedra: LevelOfDetail,
     /// Pairs of triangles whose boxes overlap, by the step that dropped them. Pairs that passed the most steps are
     /// recorded first. Default `NearContacts`.
     pub pairs: LevelOfDetail,
@@ -72,6 +76,7 @@ impl Default for RerunSettings {
             contacts: true,
             penetrations: true,
             patches: LevelOfDetail::NearContacts,
+            tetrahedra: LevelOfDetail::NearContacts,
             pairs: LevelOfDetail::NearContacts,
             spheres: LevelOfDetail::NearContacts,
             cones: LevelOfDetail::NearContacts,
@@ -88,6 +93,7 @@ impl RerunSettings {
     pub fn everything() -> Self {
         Self {
             patches: LevelOfDetail::All,
+            tetrahedra: LevelOfDetail::All,
             pairs: LevelOfDetail::All,
             spheres: LevelOfDetail::All,
             cones: LevelOfDetail::All,

@@ -26,22 +26,22 @@ pub fn in_order(count: usize, is_backward: bool) -> impl Iterator<Item = usize> 
 
 /// The internal constraints of one kind of a body at rest, colored.
 #[derive(Clone, Debug, Default)]
-pub struct Rests<const N: usize> {
+pub struct Rests<const N: usize, V = f64> {
     /// The particles of each, as numbers within the body.
     pub(super) particles: Vec<[u32; N]>,
     /// The value of each at rest.
-    pub(super) values: Vec<f64>,
+    pub(super) values: Vec<V>,
     pub(super) blocks: Vec<Block>,
     /// The end of the blocks of each slab, and of those between slabs.
     ends: Vec<usize>,
 }
 
-impl<const N: usize> Rests<N> {
+impl<const N: usize, V> Rests<N, V> {
     /// Constraints on the given particles, out of `count`, with their values at rest.
     #[must_use]
-    pub fn new(count: usize, slabs: &Slabs, constraints: impl Iterator<Item = ([u32; N], f64)>) -> Self {
-        let mut constraints: Vec<([u32; N], f64)> = constraints.collect();
-        let slab_of = |(particles, _): &([u32; N], f64)| slabs.common(particles.iter().copied());
+    pub fn new(count: usize, slabs: &Slabs, constraints: impl Iterator<Item = ([u32; N], V)>) -> Self {
+        let mut constraints: Vec<([u32; N], V)> = constraints.collect();
+        let slab_of = |(particles, _): &([u32; N], V)| slabs.common(particles.iter().copied());
         constraints.sort_by_key(slab_of);
         let (mut blocks, mut ends, mut coloring) = (Vec::new(), Vec::new(), Coloring::default());
         for slab in 0..=slabs.count() {

@@ -21,6 +21,7 @@ mod rows;
 mod slabs;
 mod springs;
 mod tethers;
+mod tetrahedra;
 mod volume;
 mod wind;
 
@@ -34,5 +35,6 @@ pub use rows::{MovingRows, ParticleRows, Placed};
 pub use slabs::{Place, Slabs};
 pub use springs::{SpringRests, Springs};
 pub use tethers::{Tethered, Tethers};
+pub use tetrahedra::{Elasticity, Tetrahedra, TetrahedronRest, TetrahedronRests};
 pub use volume::{VolumeRest, Volumes};
 pub use wind::{Air, Winds};

@@ -10,7 +10,7 @@ use bevy_reflect::prelude::*;
 use super::freedom::Freedom;
 use crate::{
     geometry::SurfaceTopology,
-    response::body::XpbdMaterial,
+    response::material::XpbdMaterial,
     surface::{SelfCollision, SurfaceFromMesh, SurfaceFromMeshHierarchy, SweptCollision},
 };
 

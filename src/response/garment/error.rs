@@ -8,7 +8,7 @@ use bevy_reflect::prelude::*;
 use super::components::GarmentPaint;
 use crate::{
     geometry::VertexId,
-    response::body::XpbdBodyError,
+    response::error::XpbdBodyError,
     surface::{QuarantineReason, SurfaceMeshError},
 };
 

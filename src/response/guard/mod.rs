@@ -237,7 +237,7 @@ impl Guard {
     fn gather(&mut self, particles: &Particles, scene: &Scene<'_, '_>, first: impl Fn(Entity) -> Option<usize>) {
         self.by_entity.clear();
         for surface in &scene.active.surfaces {
-            let Ok((positions, _)) = scene.positions.get(surface.entity) else { continue };
+            let Ok((positions, ..)) = scene.positions.get(surface.entity) else { continue };
             let first = first(surface.entity);
             let name = MeshName { entity: surface.entity, part: SURFACE };
             let mut kept = self.kept.remove(&name).unwrap_or_default();

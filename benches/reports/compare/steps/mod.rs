@@ -6,6 +6,7 @@
 
 mod ours;
 mod rapier;
+mod solids;
 
 use std::fmt::{self, Display, Formatter};
 
@@ -18,6 +19,7 @@ use circumsphere_reports::{
 use serde::Serialize;
 
 use rapier::Radius;
+pub use solids::Solids;
 
 use super::report::{Bar, grouped, short, write_bars};
 

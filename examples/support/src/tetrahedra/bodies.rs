@@ -57,3 +57,42 @@ pub fn tetrahedral_ball(cubes: usize, radius: f64) -> TetrahedralMesh {
     }
     mesh
 }
+
+/// Half the size of the bodies of [`tetrahedral_pile`], in meters.
+const HALF_EXTENTS_OF_BOX: [f64; 3] = [0.14, 0.1, 0.1];
+const RADIUS_OF_BALL: f64 = 0.12;
+
+/// Ten bodies, five boxes of 1,050 and five balls of 1,296 tetrahedra, in three layers above the plane y = 0, on which
+/// they fall into a heap.
+#[must_use]
+pub fn tetrahedral_pile() -> Vec<TetrahedralMesh> {
+    let places = [
+        [-0.16, 0.2, -0.15],
+        [0.15, 0.2, -0.16],
+        [-0.15, 0.2, 0.16],
+        [0.16, 0.2, 0.15],
+        [0.0, 0.55, -0.16],
+        [-0.14, 0.55, 0.12],
+        [0.15, 0.55, 0.14],
+        [0.02, 0.9, 0.02],
+        [-0.03, 1.2, 0.01],
+        [0.02, 1.5, -0.03],
+    ];
+    let boxes = tetrahedral_box([7, 5, 5], HALF_EXTENTS_OF_BOX);
+    let ball = tetrahedral_ball(6, RADIUS_OF_BALL);
+    let body = |(number, place): (usize, [f64; 3])| {
+        let mesh = if number % 2 == 0 { &boxes } else { &ball };
+        // Each is turned about two axes, by angles of its own.
+        let turns = [0.7, 0.4].map(|angle: f64| libm::sincos(angle * (number + 1) as f64));
+        let turned = |position: &[f32; 3]| {
+            let [x, y, z] = position.map(f64::from);
+            let (sine, cosine) = turns[0];
+            let [x, z] = [cosine * x + sine * z, cosine * z - sine * x];
+            let (sine, cosine) = turns[1];
+            let [y, z] = [cosine * y - sine * z, cosine * z + sine * y];
+            std::array::from_fn(|axis| ([x, y, z][axis] + place[axis]) as f32)
+        };
+        TetrahedralMesh { positions: mesh.positions.iter().map(turned).collect(), tetrahedra: mesh.tetrahedra.clone() }
+    };
+    places.into_iter().enumerate().map(body).collect()
+}

@@ -10,6 +10,7 @@
 mod bodies;
 mod error;
 mod lines;
+mod motion;
 mod msh;
 mod tetgen;
 
@@ -19,8 +20,9 @@ use std::{
     path::{Path, PathBuf},
 };
 
-pub use bodies::{tetrahedral_ball, tetrahedral_box};
+pub use bodies::{tetrahedral_ball, tetrahedral_box, tetrahedral_pile};
 pub use error::TetrahedralMeshError;
+pub use motion::CurlingBar;
 
 /// A tetrahedral mesh as a file describes it.
 ///
@@ -35,6 +37,22 @@ pub struct TetrahedralMesh {
 }
 
 impl TetrahedralMesh {
+    /// The number of tetrahedra that are inverted or flat at other positions.
+    ///
+    /// # Panics
+    ///
+    /// If there are fewer positions than vertices.
+    #[must_use]
+    pub fn inverted(&self, positions: &[[f32; 3]]) -> usize {
+        let volume = |corners: &[u32; 4], positions: &[[f32; 3]]| {
+            let [o, a, b, c] = corners.map(|corner| positions[corner as usize].map(f64::from));
+            let [a, b, c] = [a, b, c].map(|end| [end[0] - o[0], end[1] - o[1], end[2] - o[2]]);
+            a[0] * (b[1] * c[2] - b[2] * c[1]) + a[1] * (b[2] * c[0] - b[0] * c[2]) + a[2] * (b[0] * c[1] - b[1] * c[0])
+        };
+        let is_upright = |corners: &&[u32; 4]| volume(corners, &self.positions) * volume(corners, positions) > 0.0;
+        self.tetrahedra.len() - self.tetrahedra.iter().filter(is_upright).count()
+    }
+
     /// Reads a Gmsh file in memory.
     ///
     /// `name` stands for the file in error messages and need not exist.
