@@ -49,15 +49,14 @@ impl Anchors {
         let is_known =
             |known: &BodyAnchors| Arc::ptr_eq(&known.rest, &rest) && known.is_pinned.iter().copied().eq(is_pinned());
         let tick = self.tick;
-        let known = match self.bodies.remove(&entity).filter(is_known) {
-            Some(known) => BodyAnchors { tick, ..known },
-            None => {
-                let is_pinned: Vec<bool> = is_pinned().collect();
-                let groups = groups_of(&topology, &is_pinned);
-                let along_edges = |pins: Vec<u32>| nearest_along_edges(&topology, &rest.positions, pins.into_iter());
-                let nearest = groups.into_iter().map(along_edges).collect();
-                BodyAnchors { rest, is_pinned, nearest, tick }
-            }
+        let known = if let Some(known) = self.bodies.remove(&entity).filter(is_known) {
+            BodyAnchors { tick, ..known }
+        } else {
+            let is_pinned: Vec<bool> = is_pinned().collect();
+            let groups = groups_of(&topology, &is_pinned);
+            let along_edges = |pins: Vec<u32>| nearest_along_edges(&topology, &rest.positions, pins.into_iter());
+            let nearest = groups.into_iter().map(along_edges).collect();
+            BodyAnchors { rest, is_pinned, nearest, tick }
         };
         for nearest in &known.nearest {
             let free =

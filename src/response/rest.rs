@@ -120,7 +120,9 @@ fn find_inside(
         let at = corners.map(|vertex| points[vertex as usize]);
         let (rest, signed) = (TetrahedronRest::new(&at), volume(at));
         signed_volumes.push(signed);
-        corners.iter().for_each(|&vertex| volumes[vertex as usize] += 0.25 * signed.abs());
+        for vertex in corners {
+            volumes[vertex as usize] += 0.25 * signed.abs();
+        }
         if rest.is_flat() || inverted.binary_search(&number).is_ok() {
             left_out.push(number);
         } else {
