@@ -191,7 +191,7 @@ impl XpbdBody {
     }
 
     /// The tetrahedra that do not resist deformation, ascending: at rest, they are inverted, or their volume is below
-    /// 1/6,000 of the cube of their longest edge. Empty if the body is not [tetrahedral](Self::tetrahedral).
+    /// 1/1,500 of the cube of their longest edge. Empty if the body is not [tetrahedral](Self::tetrahedral).
     #[must_use]
     pub fn left_out(&self) -> &[TetrahedronId] {
         self.rest.inside.as_ref().map_or(&[], |inside| &inside.left_out)
