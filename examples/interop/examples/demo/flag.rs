@@ -15,7 +15,7 @@ use circumsphere_support::scenes::{Diagonals, grid};
 use crate::game::Look;
 
 /// Width and height of the flag, in meters, and its cells along both.
-const SIZE: [f32; 2] = [1.95, 1.25];
+pub const SIZE: [f32; 2] = [1.95, 1.25];
 const CELLS: [usize; 2] = [39, 25];
 
 /// Where the pole stands, its height, and its radius, in meters.
@@ -53,7 +53,7 @@ fn spawn(mut commands: Commands, mut meshes: ResMut<Assets<Mesh>>) {
     let places = cloth.positions.iter().map(|&[x, _, z]| [x / SIZE[0] + 0.5, z / SIZE[1] + 0.5]);
     let mesh = Mesh::new(PrimitiveTopology::TriangleList, RenderAssetUsages::default())
         .with_inserted_attribute(Mesh::ATTRIBUTE_NORMAL, vec![Vec3::Z; positions.len()])
-        .with_inserted_attribute(Mesh::ATTRIBUTE_COLOR, places.clone().map(color).collect::<Vec<_>>())
+        .with_inserted_attribute(Mesh::ATTRIBUTE_UV_0, places.collect::<Vec<_>>())
         .with_inserted_attribute(Mesh::ATTRIBUTE_POSITION, positions)
         .with_inserted_indices(Indices::U32(cloth.triangles.as_flattened().to_vec()));
     commands.spawn((
@@ -75,16 +75,6 @@ fn spawn(mut commands: Commands, mut meshes: ResMut<Assets<Mesh>>) {
         RigidBody::Static,
         Collider::capsule(POLE_RADIUS, POLE_HEIGHT),
     ));
-}
-
-/// A white disk on blue, between two golden stripes. Width and height are 1.
-fn color([x, y]: [f32; 2]) -> [f32; 4] {
-    let off = Vec2::new((x - 0.5) * SIZE[0], (y - 0.5) * SIZE[1]).length();
-    match off {
-        off if (0.2..0.34).contains(&off) => [0.85, 0.83, 0.78, 1.0],
-        _ if !(0.16..0.84).contains(&y) => [0.75, 0.36, 0.04, 1.0],
-        _ => [0.03, 0.1, 0.36, 1.0],
-    }
 }
 
 /// Makes the flag a body, and pins its side at the pole.

@@ -43,6 +43,9 @@ struct Options {
     /// Frames from one picture to the next
     #[arg(long, value_name = "N", default_value_t = 60, value_parser = clap::value_parser!(u32).range(1..))]
     every: u32,
+    /// Width and height of the window, in pixels
+    #[arg(long, value_name = "PIXELS", num_args = 2, default_values_t = [1280, 720])]
+    size: Vec<u32>,
     /// Layers to start with: digits of the keys that switch them, as in `--layers 12`
     #[arg(long, value_name = "KEYS", default_value = "")]
     layers: String,

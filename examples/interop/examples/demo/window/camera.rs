@@ -9,8 +9,8 @@ use bevy::{
 use super::look;
 
 /// Where it begins, and what it looks at.
-const PLACE: Vec3 = Vec3::new(0.9, 1.75, 7.4);
-const TARGET: Vec3 = Vec3::new(0.15, 1.3, 0.0);
+const PLACE: Vec3 = Vec3::new(0.7, 1.75, 6.9);
+const TARGET: Vec3 = Vec3::new(0.25, 1.42, 0.0);
 
 pub fn plugin(app: &mut App) {
     app.add_plugins(FreeCameraPlugin).add_systems(Startup, spawn);

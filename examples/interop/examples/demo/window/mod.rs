@@ -21,7 +21,7 @@ pub fn show(options: &Options) -> Result<(), String> {
     }
     let window = Window {
         title: "bevy_circumsphere".to_owned(),
-        resolution: (1280, 720).into(),
+        resolution: (options.size[0], options.size[1]).into(),
         // Who asks for a number of frames does not watch them.
         present_mode: if options.frames.is_some() { PresentMode::AutoNoVsync } else { PresentMode::AutoVsync },
         ..default()

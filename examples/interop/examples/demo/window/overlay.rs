@@ -1,6 +1,6 @@
 //! The line of figures, and the keys that switch what is drawn over the game.
 
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use bevy::prelude::*;
 use bevy_circumsphere::{
@@ -42,7 +42,8 @@ struct Sums {
     contacts: usize,
     detection: Duration,
     response: Duration,
-    since: Duration,
+    /// Not of `Time<Real>`, whose clock may be the game's.
+    since: Option<Instant>,
 }
 
 pub fn plugin(options: &Options) -> impl Fn(&mut App) + Send + Sync + 'static {
@@ -132,7 +133,6 @@ fn choose(
 fn measure(
     mut sums: Local<Sums>,
     mut figures: Query<&mut Text, With<Figures>>,
-    time: Res<Time<Real>>,
     store: Res<ContactStore>,
     detection: Res<DetectionDiagnostics>,
     response: Res<XpbdDiagnostics>,
@@ -141,19 +141,20 @@ fn measure(
     sums.contacts += store.contact_count();
     sums.detection += detection.total();
     sums.response += response.gathering + response.solving + response.guarding;
-    sums.since += time.delta();
-    if sums.since < WINDOW {
+    let now = Instant::now();
+    let since = now - *sums.since.get_or_insert(now);
+    if since < WINDOW {
         return;
     }
     let each = |time: Duration| 1.0e3 * time.as_secs_f64() / f64::from(sums.ticks);
     for mut text in &mut figures {
         text.0 = format!(
             "{:.0} ticks a second   {} contacts   detection {:.1} ms   response {:.1} ms",
-            f64::from(sums.ticks) / sums.since.as_secs_f64(),
+            f64::from(sums.ticks) / since.as_secs_f64(),
             sums.contacts / sums.ticks as usize,
             each(sums.detection),
             each(sums.response),
         );
     }
-    *sums = Sums::default();
+    *sums = Sums { since: Some(now), ..default() };
 }
