@@ -76,48 +76,8 @@ pub fn play(options: &Options) -> Result<(), String> {
         .add_systems(PostUpdate, hear.after(DeformableSystems::Events));
     app.finish();
     app.cleanup();
-    for count in 0..PATIENCE {
-        let t = Instant::now();
+    for _ in 0..PATIENCE {
         app.update();
-        if t.elapsed().as_millis() > 60 || count % 20 == 0 {
-            println!("DEBUG {count} {:?}", t.elapsed());
-            let world = app.world_mut();
-            let mut q = world.query::<(
-                Option<&Name>,
-                Option<&SurfaceStatus>,
-                Has<DeformableSurface>,
-                Has<Mesh3d>,
-                Has<bevy_circumsphere::response::XpbdBody>,
-                Has<bevy_circumsphere::response::XpbdGarment>,
-            )>();
-            for x in q.iter(world) {
-                if x.3 {
-                    println!("{x:?}");
-                }
-            }
-            let d = world.resource::<XpbdDiagnostics>();
-            println!(
-                "parts {} bodies {} contacts {} impacts {} stopped {} remaining {} again {} jammed {:?} inside {} guarding {:?} solving {:?} refused {:?} ",
-                d.parts,
-                d.bodies,
-                d.contacts,
-                d.impacts,
-                d.vertices_stopped,
-                d.impacts_remaining,
-                d.solved_again,
-                d.jammed,
-                d.inside,
-                d.guarding,
-                d.solving,
-                d.refused
-            );
-            println!("{}", crossings::count(world));
-            let a = world.resource::<AssetServer>();
-            println!("{:?}", a.get_load_state(&a.load::<bevy::gltf::Gltf>("person.glb")));
-        }
-        if count == 60 {
-            break;
-        }
         if app.world().resource::<Ready>().0 {
             break;
         }
