@@ -4,6 +4,9 @@
 #![expect(clippy::missing_panics_doc, reason = "not published")]
 
 mod app;
+mod buffer;
 pub mod file;
+mod person;
 
 pub use app::{Cast, Shot, character_app, load, shoot};
+pub use person::person_file;

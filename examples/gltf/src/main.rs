@@ -43,6 +43,9 @@ struct Options {
     /// Write the embedded character to a file, and play nothing
     #[arg(long, value_name = "FILE.glb")]
     make: Option<PathBuf>,
+    /// Write the person of the demo to a file, and play nothing
+    #[arg(long, value_name = "FILE.glb")]
+    make_person: Option<PathBuf>,
 }
 
 fn main() -> ExitCode {
@@ -56,8 +59,10 @@ fn main() -> ExitCode {
 }
 
 fn run(options: &Options) -> Result<(), String> {
-    if let Some(path) = &options.make {
-        return fs::write(path, file::character_file()).map_err(|error| format!("{}: {error}", path.display()));
+    let makes: [(_, fn() -> Vec<u8>); 2] =
+        [(&options.make, file::character_file), (&options.make_person, circumsphere_gltf::person_file)];
+    if let Some((path, make)) = makes.iter().find_map(|(path, make)| Some((path.as_ref()?, make))) {
+        return fs::write(path, make()).map_err(|error| format!("{}: {error}", path.display()));
     }
     let path = options
         .file

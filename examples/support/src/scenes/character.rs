@@ -7,7 +7,7 @@ use std::f64::consts::{FRAC_PI_2, TAU};
 use std::ops::Range;
 
 use super::Mesh;
-use super::points::{Point, advance, between, cross, ease, rotate};
+use super::points::{Point, advance, between, ease, product, rotate};
 use super::revolution::{Circle, revolve};
 
 /// The walking speeds that tests and examples play, in meters per second.
@@ -268,12 +268,4 @@ fn skin(segments: usize, bands: usize) -> Mesh {
 fn around(axis: Point, angle: f64) -> [f64; 4] {
     let sine = libm::sin(0.5 * angle);
     [axis[0] * sine, axis[1] * sine, axis[2] * sine, libm::cos(0.5 * angle)]
-}
-
-/// The rotation by `second`, followed by `first`.
-fn product(first: [f64; 4], second: [f64; 4]) -> [f64; 4] {
-    let [a, b] = [first, second].map(|[x, y, z, _]| [x, y, z]);
-    let turned = advance(advance(cross(a, b), first[3], b), second[3], a);
-    let scalar = first[3] * second[3] - (a[0] * b[0] + a[1] * b[1] + a[2] * b[2]);
-    [turned[0], turned[1], turned[2], scalar]
 }

@@ -15,6 +15,7 @@ mod instrument;
 mod level;
 mod moving;
 mod panel;
+mod person;
 mod pile;
 mod points;
 mod revolution;
@@ -48,6 +49,7 @@ pub use level::{
 };
 pub use moving::{Fineness, MOVING_SCENES, MovingBody, MovingScene, growing_sheets, moving_scene};
 pub use panel::{Panel, panel};
+pub use person::{PERSON_JOINTS, PERSON_PERIOD, PERSON_SPEED, Person, PersonJoint, PersonPose, person, person_walk};
 pub use pile::{PILE_BODIES, PILE_BODY_REACH, PILE_TRAY_SIZE, pile_body, pile_start, pile_tray, soft_shapes};
 pub use shapes::{Diagonals, cuboid, cylinder_side, grid, icosphere, saddle, sheet_stack, torus, twisted_rod};
 pub use tray::{RIB_HEIGHT, RIB_TOP, RIB_WIDTH, TRAY_THICKNESS, ribbed_tray};

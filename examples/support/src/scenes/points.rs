@@ -53,6 +53,14 @@ pub(super) fn rotate([x, y, z, w]: [f64; 4], point: Point) -> Point {
     std::array::from_fn(|axis| point[axis] + w * twice[axis] + turned[axis])
 }
 
+/// The rotation by the unit quaternion `second`, followed by `first`.
+pub(super) fn product(first: [f64; 4], second: [f64; 4]) -> [f64; 4] {
+    let [a, b] = [first, second].map(|[x, y, z, _]| [x, y, z]);
+    let turned = advance(advance(cross(a, b), first[3], b), second[3], a);
+    let scalar = first[3] * second[3] - (a[0] * b[0] + a[1] * b[1] + a[2] * b[2]);
+    [turned[0], turned[1], turned[2], scalar]
+}
+
 /// From 0 at `from` to 1 at `to`, constant outside, with two continuous derivatives.
 pub(super) fn ease(from: f64, to: f64, moment: f64) -> f64 {
     let share = ((moment - from) / (to - from)).clamp(0.0, 1.0);
