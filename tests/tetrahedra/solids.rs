@@ -94,7 +94,7 @@ fn a_bar_as_stiff_as_the_solver_can_make_it_is_a_fifth_too_soft_and_less_with_mo
 
 #[test]
 fn a_cube_that_is_pulled_from_all_sides_grows_by_its_bulk_modulus() {
-    for (young_modulus, poisson_ratio, scale) in [(1.0e5, 0.45, 1.005), (1.0e5, 0.3, 1.2), (5.0e4, 0.4, 1.1)] {
+    for (young_modulus, poisson_ratio, scale) in [(1.0e5, 0.45, 1.005), (1.0e5, 0.3, 1.05), (5.0e4, 0.4, 1.05)] {
         let mut world = World::new();
         let cube = world.add(&tetrahedral_box([6; 3], [0.2; 3]), elastic(young_modulus, poisson_ratio), ());
         let [shear, lame] = lame_parameters(&world.body(&cube).material);

@@ -48,6 +48,9 @@ const UPRIGHT: f32 = 0.05;
 /// A tetrahedron that is flatter than this when a tick begins is tangled: only its elasticity can bring it back.
 const TANGLED: f64 = 1.0e-3;
 
+/// If more than one of so many are tangled, all are left to it.
+const MOST_TANGLED: usize = 8;
+
 /// How often all are visited there and back to that end, while one is flat: its neighbors press it.
 const MOST_VISITS: usize = 4;
 
@@ -125,20 +128,21 @@ struct TetrahedronBlock {
 #[derive(Debug, Default)]
 pub struct Tetrahedra {
     blocks: Vec<TetrahedronBlock>,
-    /// Whether one of them is tangled. To keep the others upright would hold it.
-    is_tangled: bool,
+    /// How many there are, and how many of them are tangled.
+    count: usize,
+    tangled: usize,
 }
 
 impl Tetrahedra {
     pub fn clear(&mut self) {
         self.blocks.clear();
-        self.is_tangled = false;
+        (self.count, self.tangled) = (0, 0);
     }
 
     /// Adds the tetrahedra of a slab of a body whose particles begin with `first`, or those between slabs. `scale` is
     /// the world length of a unit at rest.
     pub fn add(&mut self, (rests, slab): (&TetrahedronRests, usize), first: usize, scale: f64, start: &[DVec3]) {
-        let Self { blocks, is_tangled } = self;
+        let Self { blocks, count, tangled } = self;
         blocks.extend(rests.part(slab).iter().map(|numbers| {
             let mut block = TetrahedronBlock {
                 corners: [[NOBODY; WIDTH]; 4],
@@ -160,11 +164,12 @@ impl Tetrahedra {
                     set_lane(&mut block.inverse[edge], lane, rest.inverse.row(edge) / scale);
                 }
                 let [a, b, c] = [1, 2, 3].map(|corner| start[places[corner]] - start[places[0]]);
-                *is_tangled |=
-                    DMat3::from_cols(a, b, c).determinant() * rest.inverse.determinant() <= TANGLED * scale.powi(3);
+                let density = rest.inverse.determinant() / scale.powi(3);
+                *count += 1;
+                *tangled += usize::from(DMat3::from_cols(a, b, c).determinant() * density <= TANGLED);
                 let volume = rest.volume * scale.powi(3);
                 block.volume[lane] = volume as f32;
-                block.density[lane] = (rest.inverse.determinant() / scale.powi(3)) as f32;
+                block.density[lane] = density as f32;
                 block.size[lane] = (6.0 * volume).cbrt() as f32;
             }
             block
@@ -187,11 +192,11 @@ impl Tetrahedra {
     }
 
     /// Moves the corners of every tetrahedron that is inverted or nearly flat apart, to a small share of its volume,
-    /// color after color, there and back. Returns whether there was any. Does nothing if one was inverted when the tick
-    /// began.
+    /// color after color, there and back. Returns whether there was any. Does nothing if many were inverted when the tick
+    /// began: to keep the others upright would hold them.
     pub fn keep_upright(&self, rows: MovingRows<'_>) -> bool {
-        let Self { blocks, is_tangled } = self;
-        if *is_tangled {
+        let &Self { ref blocks, count, tangled } = self;
+        if tangled * MOST_TANGLED > count {
             return false;
         }
         dispatch!(simd => {
@@ -407,7 +412,7 @@ mod tests {
             let placed = |mass: f64| Placed { way: DVec3::ZERO, velocity: DVec3::ZERO, inverse_mass: mass.recip() };
             particles.begin(masses.into_iter().map(placed));
             // They are pressed within the tick.
-            let tetrahedra = Tetrahedra { is_tangled: false, ..tick(corners) };
+            let tetrahedra = Tetrahedra { tangled: 0, ..tick(corners) };
             let acted = (0..times).filter(|_| tetrahedra.keep_upright(particles.moving())).count();
             (acted, std::array::from_fn(|corner| corners[corner] + particles.state(corner)[0]))
         };
