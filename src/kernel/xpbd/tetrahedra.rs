@@ -436,8 +436,6 @@ mod tests {
         let flat = |height: f64| TetrahedronRest::new(&[DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::Z * height]).is_flat();
         // The longest edge is √2.
         assert!(flat(0.0) && flat(1.13e-2) && !flat(1.14e-2) && !flat(-1.0));
-        assert!(
-            (TetrahedronRest::new(&[DVec3::ZERO, DVec3::X, DVec3::Z, DVec3::Y]).volume() - 1.0 / 6.0).abs() < 1e-15
-        );
+        assert!((TetrahedronRest::new(&[DVec3::ZERO, DVec3::X, DVec3::Z, DVec3::Y]).volume - 1.0 / 6.0).abs() < 1e-15);
     }
 }
