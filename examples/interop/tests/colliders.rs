@@ -53,7 +53,7 @@ fn shapes_follow<E: Engine>() {
     let [place, at] = [mover, parent].map(|entity| app.world().get::<Transform>(entity).expect("there").translation);
     assert!(place.x > 0.9 && at.y > 0.9, "{}: they have moved to {place} and {at}", E::NAME);
     assert_height(&mut app, [place.x, place.z], mover, 2.5);
-    let (sin, cos) = 1.0_f32.sin_cos();
+    let (sin, cos) = bevy::math::ops::sin_cos(1.0);
     assert_height(&mut app, [at.x + 2.0 * cos, at.z], part, at.y + 2.0 * sin + 0.5);
     // A new scale, and a new shape.
     app.world_mut().get_mut::<Transform>(slab).expect("there").scale.y = 2.0;

@@ -1,6 +1,6 @@
 //! The demo without a window: nothing crosses in it, and balls do hit the flag.
 
-use circumsphere_support::programs::{refuse, succeed};
+use circumsphere_support::programs::succeed;
 
 /// The number before a word in what the demo prints.
 fn number(text: &str, after: &str) -> f64 {
@@ -14,7 +14,7 @@ fn number(text: &str, after: &str) -> f64 {
 fn in_the_demo_nothing_crosses() {
     let printed = succeed("demo", &["--headless", "--frames", "720", "--check", "1"]);
     println!("{printed}");
-    assert_eq!(number(&printed, "crossings in 720 ticks:"), 0.0, "{printed}");
+    assert!(number(&printed, "crossings in 720 ticks:") < 0.5, "{printed}");
     assert!(number(&printed, "contacts that started:") >= 7.0, "balls hit the flag: {printed}");
     assert!(number(&printed, "of balls,") >= 2.0, "the cape touches the person and itself: {printed}");
 }
@@ -22,5 +22,5 @@ fn in_the_demo_nothing_crosses() {
 #[test]
 #[cfg(not(feature = "window"))]
 fn without_a_window_the_demo_says_what_is_missing() {
-    refuse("demo", &[], &["--features window", "--headless"]);
+    circumsphere_support::programs::refuse("demo", &[], &["--features window", "--headless"]);
 }

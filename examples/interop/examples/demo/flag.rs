@@ -3,6 +3,7 @@
 use avian3d::prelude::*;
 use bevy::{
     asset::RenderAssetUsages,
+    math::ops::{cos, sin},
     mesh::{Indices, PrimitiveTopology},
     prelude::*,
 };
@@ -35,9 +36,9 @@ pub struct Flag;
 
 /// The wind, in meters per second, with gusts, and never from one direction for long.
 pub fn wind(time: f32) -> Vec3 {
-    let gust = 1.0 + 0.25 * (1.3 * time).sin() + 0.15 * (3.1 * time + 1.0).sin();
-    let turn = 0.35 * (0.7 * time).sin() + 0.12 * (2.3 * time).sin();
-    Vec3::new(turn.cos(), 0.04, turn.sin()) * (4.2 * gust)
+    let gust = 1.0 + 0.25 * sin(1.3 * time) + 0.15 * sin(3.1 * time + 1.0);
+    let turn = 0.35 * sin(0.7 * time) + 0.12 * sin(2.3 * time);
+    Vec3::new(cos(turn), 0.04, sin(turn)) * (4.2 * gust)
 }
 
 pub fn plugin(app: &mut App) {

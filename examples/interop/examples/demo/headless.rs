@@ -112,16 +112,16 @@ pub fn play(options: &Options) -> Result<(), String> {
     let sum = times.iter().sum::<Duration>().as_secs_f64();
     times.sort_unstable();
     let milliseconds = |time: f64| 1.0e3 * time;
-    let at = |share: f64| times.get((share * times.len() as f64) as usize).map_or(0.0, Duration::as_secs_f64);
+    let at = |percent: usize| times.get(percent * times.len() / 100).map_or(0.0, Duration::as_secs_f64);
     let heard = app.world().resource::<Heard>();
     println!("{frames} ticks of 1/{RATE} s, {:.0} contacts a tick", contacts as f64 / f64::from(frames.max(1)));
     println!("contacts that started: {} of balls, {} others", heard.by_balls, heard.others);
     println!(
         "a tick: median {:.2} ms, 95th percentile {:.2} ms, longest {:.2} ms; of the mean of {:.2} ms, {:.2} ms detection and \
          {:.2} ms response",
-        milliseconds(at(0.5)),
-        milliseconds(at(0.95)),
-        milliseconds(at(1.0 - 1.0e-9)),
+        milliseconds(at(50)),
+        milliseconds(at(95)),
+        milliseconds(times.last().map_or(0.0, Duration::as_secs_f64)),
         milliseconds(sum / f64::from(frames.max(1))),
         milliseconds(parts[0].as_secs_f64() / f64::from(frames.max(1))),
         milliseconds(parts[1].as_secs_f64() / f64::from(frames.max(1))),

@@ -5,6 +5,7 @@ use std::f32::consts::TAU;
 use avian3d::prelude::*;
 use bevy::{
     asset::RenderAssetUsages,
+    math::ops,
     mesh::{Indices, PrimitiveTopology},
     prelude::*,
 };
@@ -46,7 +47,7 @@ fn height(x: f32, z: f32) -> f32 {
 /// The place at an angle of the path, and its change with the angle.
 pub fn path(angle: f32) -> (Vec3, Vec3) {
     let ground = |angle: f32| {
-        let (sine, cosine) = angle.sin_cos();
+        let (sine, cosine) = ops::sin_cos(angle);
         Vec3::new(PATH[0] * cosine, 0.0, PATH[1] * sine)
     };
     // Half a step of the legs ahead and behind: a person does not jump up a step.
@@ -119,7 +120,7 @@ fn stairs() -> Faces {
         let at = |x: f32, [z, y]: [f32; 2]| Vec3::new(x, y, z);
         faces.quad([at(left, from), at(left, to), at(right, to), at(right, from)]);
         // The sides below what lies level or slopes.
-        if from[0] != to[0] {
+        if to[0] > from[0] {
             let foot = |x: f32, [z, _]: [f32; 2]| Vec3::new(x, 0.0, z);
             faces.quad([at(right, from), at(right, to), foot(right, to), foot(right, from)]);
             faces.quad([foot(left, from), foot(left, to), at(left, to), at(left, from)]);
