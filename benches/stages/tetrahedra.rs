@@ -23,13 +23,13 @@ fn curling_bar(bencher: Bencher, with_containments: bool) {
     let tetrahedra = motion.bar.tetrahedra.len() + motion.ball.tetrahedra.len();
     // There and back, so that no tick follows from another by a jump.
     let mut tick = 0;
-    let mut step = || {
+    let step = || {
         let place = tick % (2 * CurlingBar::TICKS);
         let positions = motion.positions_at(place.min(2 * CurlingBar::TICKS - 1 - place));
         tick += 1;
         positions.map(|positions| points(&positions))
     };
-    bencher.counter(ItemsCount::new(tetrahedra)).with_inputs(|| step()).bench_local_values(|positions| {
+    bencher.counter(ItemsCount::new(tetrahedra)).with_inputs(step).bench_local_values(|positions| {
         for (body, positions) in bodies.into_iter().zip(positions) {
             move_surface(&mut app, body, positions);
         }

@@ -90,7 +90,7 @@ impl World {
             let squares: f64 = deformation.to_cols_array().iter().map(|entry| entry * entry).sum();
             let change = deformation.determinant() - 1.0;
             let density = 0.5 * shear * (squares - 3.0) - shear * change + 0.5 * (lame + shear) * change * change;
-            density * solid.edges(corners, &solid.rest).determinant().abs() / 6.0
+            density * edges(corners, &solid.rest).determinant().abs() / 6.0
         });
         energies.sum()
     }
@@ -114,13 +114,8 @@ pub struct Solid {
 }
 
 impl Solid {
-    fn edges(&self, corners: &[u32; 4], positions: &[DVec3]) -> DMat3 {
-        let [origin, a, b, c] = corners.map(|corner| positions[corner as usize]);
-        DMat3::from_cols(a - origin, b - origin, c - origin)
-    }
-
     fn deformations(&self, positions: &[DVec3]) -> Vec<DMat3> {
-        let of = |corners: &[u32; 4]| self.edges(corners, positions) * self.edges(corners, &self.rest).inverse();
+        let of = |corners: &[u32; 4]| edges(corners, positions) * edges(corners, &self.rest).inverse();
         self.tetrahedra.iter().map(of).collect()
     }
 
@@ -130,10 +125,17 @@ impl Solid {
         let surface = world.app.world().get::<DeformableSurface>(self.entity).unwrap();
         for corners in surface.topology().triangles() {
             let [a, b, c] = corners.map(|corner| self.rest[corner as usize]);
-            corners.iter().for_each(|&corner| areas[corner as usize] += (b - a).cross(c - a) / 6.0);
+            for &corner in corners {
+                areas[corner as usize] += (b - a).cross(c - a) / 6.0;
+            }
         }
         areas
     }
+}
+
+fn edges(corners: &[u32; 4], positions: &[DVec3]) -> DMat3 {
+    let [origin, a, b, c] = corners.map(|corner| positions[corner as usize]);
+    DMat3::from_cols(a - origin, b - origin, c - origin)
 }
 
 /// Lamé's `μ` and `λ`.

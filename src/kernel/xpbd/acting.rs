@@ -27,8 +27,8 @@ const WARMTH: f32 = 0.5;
 /// Among features that cross, pushes disagree.
 pub(super) const SHALLOW: f32 = 0.1;
 
-/// Contact distances by which contacts may be too near after friction. With none, what is at rest trembles.
-const TOLERANCE: f32 = 0.01;
+/// Contact distances by which contacts may be too near after friction. With less, elastic bodies at rest tremble.
+const TOLERANCE: f32 = 0.05;
 
 /// A substep, for contacts.
 #[derive(Clone, Copy, Debug)]
