@@ -58,7 +58,7 @@ impl World {
 
     pub fn place(&mut self, solid: &Solid, at: impl Iterator<Item = DVec3>) {
         let mut positions = self.app.world_mut().get_mut::<SurfacePositions>(solid.entity).unwrap();
-        positions.0 = at.map(|at| at.as_vec3()).collect();
+        positions.0 = at.map(DVec3::as_vec3).collect();
     }
 
     pub fn body(&self, solid: &Solid) -> &XpbdBody {

@@ -36,6 +36,7 @@ pub enum Look {
 #[derive(Resource, Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Pace {
     /// With the real time.
+    #[cfg_attr(not(feature = "window"), expect(dead_code, reason = "only a window follows the clock"))]
     Real,
     /// A tick of the same length in every update.
     Even,
