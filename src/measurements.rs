@@ -47,13 +47,14 @@ pub struct CollisionDiagnosticsPlugin {
 
 impl CollisionDiagnosticsPlugin {
     /// The stages that have entries, by their names in [`StageDiagnostics`](crate::detection::StageDiagnostics).
-    pub const STAGES: [&str; 16] = [
+    pub const STAGES: [&str; 17] = [
         "prepare",
         "containments",
         "bounds",
         "pair surfaces",
         "patches",
         "tree update",
+        "normal cones",
         "broad phase",
         "filter",
         "curvature",

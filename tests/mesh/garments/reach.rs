@@ -77,7 +77,8 @@ fn painted_vertices_move_as_far_as_they_are_painted() {
         assert!(*way <= share * longest + TOLERANCE, "{way} with paint {share}");
         at_the_end += usize::from(*way > 0.8 * share * longest && share > 0.5);
     }
-    assert!(at_the_end > 10, "the wind moves them as far as they may: {at_the_end}");
+    // Where the cloth reaches that far from what is pinned.
+    assert!(at_the_end > 5, "the wind moves them as far as they may: {at_the_end}");
     // Without paint, the wind lifts the half that was pinned.
     let (app, _, garment) = in_the_wind(indexed(&skirt()), |_| ());
     let free = ways(&app, garment);
