@@ -1,7 +1,8 @@
 //! Why two triangles do not touch: the step at which each pair of the last detection was dropped.
 //!
 //! For debug layers, tests, and curious users, after detection. The stages record nothing. Their kernel functions run
-//! once more for the requested pairs, and the traversal runs with and without slabs and normal cones to find what these dropped.
+//! once more for the requested pairs, and the traversal runs with and without slabs and normal cones to find what these
+//! dropped.
 
 use std::collections::HashSet;
 
@@ -123,7 +124,8 @@ impl PairFates<'_, '_> {
         listed.filter(|triangles| !candidates.contains(triangles) && may_touch(triangles)).collect()
     }
 
-    /// The pairs of triangles that the broad phase dropped by slabs or normal cones. Empty if another broad phase than the tree's ran.
+    /// The pairs of triangles that the broad phase dropped by slabs or normal cones. Empty if another broad phase than the
+    /// tree's ran.
     pub(crate) fn dropped_by_slabs(&self, place: usize, pair: &SurfacePair) -> Vec<[u32; 2]> {
         if self.kept.reused(place).is_some() {
             return Vec::new();

@@ -22,7 +22,7 @@ pub const RATE: u32 = 60;
 /// The longest tick, in seconds. On a machine that cannot keep up, the game is slower instead of coarser.
 const LONGEST_TICK: f32 = 1.0 / 45.0;
 
-/// What a thing is, for whoever draws it.
+/// The kind of a thing, by which the window draws it.
 #[derive(Component, Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Look {
     Ground,
