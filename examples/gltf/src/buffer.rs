@@ -79,3 +79,15 @@ fn normals(mesh: &Mesh) -> Vec<[f32; 3]> {
     }
     normals.into_iter().map(|normal| normal.normalize_or(Vec3::Y).to_array()).collect()
 }
+
+/// An animation at the times of an accessor: of each accessor of values, the node and the property that it moves.
+pub(crate) fn animation(name: &str, times: usize, outputs: &[(usize, usize, &str)]) -> Value {
+    let samplers: Vec<Value> =
+        outputs.iter().map(|&(output, ..)| json!({ "input": times, "output": output })).collect();
+    let channels: Vec<Value> = outputs
+        .iter()
+        .enumerate()
+        .map(|(sampler, &(_, node, path))| json!({ "sampler": sampler, "target": { "node": node, "path": path } }))
+        .collect();
+    json!({ "name": name, "channels": channels, "samplers": samplers })
+}

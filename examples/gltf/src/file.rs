@@ -4,7 +4,7 @@ use circumsphere_support::scenes::{Character, CharacterFineness, character_skirt
 use glam::{Mat4, Quat, Vec3};
 use serde_json::{Value, json};
 
-use crate::buffer::{Buffer, UNSIGNED_BYTE};
+use crate::buffer::{Buffer, UNSIGNED_BYTE, animation};
 
 /// Walking speed, in meters per second.
 pub const SPEED: f64 = 5.0;
@@ -80,13 +80,6 @@ fn write(skirt_attributes: impl FnOnce(&mut Buffer) -> Value) -> Vec<u8> {
         (buffer.add_floats(&turns, "VEC4"), 1, "rotation"),
         (buffer.add_floats(&swings, "VEC4"), 2, "rotation"),
     ];
-    let samplers: Vec<Value> =
-        outputs.iter().map(|&(output, ..)| json!({ "input": input, "output": output })).collect();
-    let channels: Vec<Value> = outputs
-        .iter()
-        .enumerate()
-        .map(|(sampler, &(_, node, path))| json!({ "sampler": sampler, "target": { "node": node, "path": path } }))
-        .collect();
     let root = json!({
         "asset": { "version": "2.0", "generator": "bevy_circumsphere" },
         "scene": 0,
@@ -100,7 +93,7 @@ fn write(skirt_attributes: impl FnOnce(&mut Buffer) -> Value) -> Vec<u8> {
         ],
         "meshes": [skin, skirt],
         "skins": [{ "joints": [1, 2], "inverseBindMatrices": bind_poses }],
-        "animations": [{ "name": "Walk", "channels": channels, "samplers": samplers }],
+        "animations": [animation("Walk", input, &outputs)],
     });
     buffer.into_file(root)
 }

@@ -4,7 +4,7 @@ use circumsphere_support::scenes::{PERSON_JOINTS, PERSON_PERIOD, person, person_
 use glam::{Mat4, Vec3};
 use serde_json::{Value, json};
 
-use crate::buffer::{Buffer, UNSIGNED_BYTE};
+use crate::buffer::{Buffer, UNSIGNED_BYTE, animation};
 
 /// Key frames of the walk, with straight lines in between.
 const KEYS: usize = 32;
@@ -109,12 +109,5 @@ fn add_animation(buffer: &mut Buffer, name: &str, walk: Option<&[f64]>) -> Value
             .collect();
         outputs.push((buffer.add_floats(&rotations, "VEC4"), HIPS + joint, "rotation"));
     }
-    let samplers: Vec<Value> =
-        outputs.iter().map(|&(output, ..)| json!({ "input": input, "output": output })).collect();
-    let channels: Vec<Value> = outputs
-        .iter()
-        .enumerate()
-        .map(|(sampler, &(_, node, path))| json!({ "sampler": sampler, "target": { "node": node, "path": path } }))
-        .collect();
-    json!({ "name": name, "channels": channels, "samplers": samplers })
+    animation(name, input, &outputs)
 }
