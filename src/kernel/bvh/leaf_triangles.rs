@@ -27,7 +27,7 @@ use crate::kernel::{
         approach::Corners,
         lanes::{
             LARGEST_EXTENT,
-            fused::{dot, minus, plus, project},
+            fused::{cross, dot, minus, plus, project},
         },
         parallel::{Parallel, Sequential},
         prefetch::prefetch_whole,
@@ -251,7 +251,7 @@ impl Block {
     fn measure_planes<S: Simd>(&mut self, simd: S) {
         let [a, b, c] = [self.corner(simd, 0), self.corner(simd, 1), self.corner(simd, 2)];
         let (u, v) = (minus(b, a), minus(c, a));
-        let normal = [u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]];
+        let normal = cross(u, v);
         let squared = dot(normal, normal);
         let reliable = squared.simd_gt(LEAST_SQUARED) & squared.simd_lt(f32::MAX);
         let scale = reliable.select(f32x8::splat(simd, 1.0) / squared.sqrt(), f32x8::splat(simd, 0.0));

@@ -248,7 +248,7 @@ impl<const N: usize> ActingBlock<N> {
         let moved = gather_all(simd, rows.displacement, &self.places);
         let weights = load_all(simd, &self.weights);
         let normal = VectorLanes::load(simd, &self.normal);
-        let separation = normal.dot(weighted_sum(simd, &moved, &weights)) + f32x8::from_slice(simd, &self.offset);
+        let separation = self.separation(simd, &moved, &weights, normal);
         let missing = f32x8::from_slice(simd, &self.target) - separation;
         let before = f32x8::from_slice(simd, &self.multiplier);
         let inverse = f32x8::from_slice(simd, &self.inverse);
@@ -272,7 +272,7 @@ impl<const N: usize> ActingBlock<N> {
         let moved = gather_all(simd, rows.displacement, &self.places);
         let weights = load_all(simd, &self.weights);
         let normal = VectorLanes::load(simd, &self.normal);
-        let separation = normal.dot(weighted_sum(simd, &moved, &weights)) + f32x8::from_slice(simd, &self.offset);
+        let separation = self.separation(simd, &moved, &weights, normal);
         let missing = (f32x8::from_slice(simd, &self.allowed) - separation).max(zeros);
         let change = missing * f32x8::from_slice(simd, &self.inverse);
         if change.simd_eq(zeros).all_true() {
@@ -319,7 +319,7 @@ impl<const N: usize> ActingBlock<N> {
         let normal = VectorLanes::load(simd, &self.normal);
         let inverse = f32x8::from_slice(simd, &self.inverse);
         let moved = gather_all(simd, rows.displacement, &self.places);
-        let separation = normal.dot(weighted_sum(simd, &moved, &weights)) + f32x8::from_slice(simd, &self.offset);
+        let separation = self.separation(simd, &moved, &weights, normal);
         let left = &mut common.left;
         inverse.simd_gt(zeros).select(separation, f32x8::from_slice(simd, left)).store_slice(left);
         common.pressed = self.multiplier;
@@ -342,6 +342,18 @@ impl<const N: usize> ActingBlock<N> {
         VectorLanes::load(simd, &common.pushes)
             .plus(change.scaled(f32x8::splat(simd, self.step)))
             .store(&mut common.pushes);
+    }
+
+    /// How far the sides are apart, less the contact distance, where the free particles are now.
+    #[cfg_attr(not(unoptimized), inline(always))]
+    fn separation<S: Simd>(
+        &self,
+        simd: S,
+        moved: &[Gathered<S>; N],
+        weights: &[f32x8<S>; N],
+        normal: VectorLanes<S>,
+    ) -> f32x8<S> {
+        normal.dot(weighted_sum(simd, moved, weights)) + f32x8::from_slice(simd, &self.offset)
     }
 
     /// The number of contacts that may act, and of those that press.

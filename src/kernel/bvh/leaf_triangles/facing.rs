@@ -4,7 +4,7 @@ use fearless_simd::prelude::*;
 use glam::Vec3;
 
 use super::{Block, LeafTriangles, NO_VERTEX, NORMAL_ROUNDING, splat};
-use crate::kernel::simd::lanes::fused::{dot, minus};
+use crate::kernel::simd::lanes::fused::{cross, dot, minus};
 
 impl LeafTriangles {
     /// The sum of the normals of a leaf's triangles.
@@ -27,8 +27,7 @@ impl Block {
     fn longer_altitudes<S: Simd>(&self, simd: S, axis: Vec3, range: f32) -> u32 {
         let [a, b, c] = [self.corner(simd, 0), self.corner(simd, 1), self.corner(simd, 2)];
         let (u, v, w) = (minus(b, a), minus(c, a), minus(c, b));
-        let normal = [u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]];
-        let twice_area = dot(normal, splat(simd, axis.to_array()));
+        let twice_area = dot(cross(u, v), splat(simd, axis.to_array()));
         // Sides are no longer in the plane than in space.
         let longest = dot(u, u).max(dot(v, v)).max(dot(w, w)).sqrt();
         let needed = longest * range + self.extent * self.extent * NORMAL_ROUNDING;

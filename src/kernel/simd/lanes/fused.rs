@@ -21,6 +21,12 @@ pub(in crate::kernel) fn dot<S: Simd>(a: Vectors<S>, b: Vectors<S>) -> f32x8<S> 
     a[2].mul_add(b[2], a[1].mul_add(b[1], a[0] * b[0]))
 }
 
+/// Without fused operations.
+#[cfg_attr(not(unoptimized), inline(always))]
+pub(in crate::kernel) fn cross<S: Simd>(a: Vectors<S>, b: Vectors<S>) -> Vectors<S> {
+    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+}
+
 /// The interval of a triangle's projections on a direction of any length.
 #[cfg_attr(not(unoptimized), inline(always))]
 pub(in crate::kernel) fn project<S: Simd>(corners: &[Vectors<S>; 3], direction: Vectors<S>) -> (f32x8<S>, f32x8<S>) {
