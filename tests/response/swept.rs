@@ -1,6 +1,7 @@
 //! Bodies with swept collision: nothing goes through anything, at any speed.
 
 use bevy_circumsphere::{prelude::*, response::*};
+use bevy_math::ops;
 use bevy_transform::components::Transform;
 use circumsphere_support::{
     random::Random,
@@ -92,5 +93,49 @@ fn what_the_game_moves_while_the_clock_stands_passes_through_nothing() {
         let inside = scene.positions(flag).iter().filter(|position| position.distance(Vec3::Z * 0.3) < RADIUS).count();
         assert_eq!(inside, 0);
         assert_eq!(before == 0, jumps, "{before} vertices are beyond the ball's center");
+    }
+}
+
+/// A flag is pinned beside a pole, with wind along it or across, and a heavy ball flies through flag and pole: the flag has
+/// no way left, and its vertices beside pins carry hardly any weight of the impacts. It stays whole, and near its pins.
+#[test]
+fn a_flag_that_is_crushed_against_its_pole_stays_near_it() {
+    const POLE: f32 = 0.035;
+    const BALL: f32 = 0.11;
+    let poles =
+        [SharedShape::cylinder(1.7, POLE), SharedShape::capsule_y(1.7, POLE), SharedShape::cuboid(POLE, 1.7, POLE)];
+    for (pole, wind) in poles.into_iter().flat_map(|pole| [0.0, 1.6, 3.1].map(|wind| (pole.clone(), wind))) {
+        let mut scene = Scene::new();
+        let columns = 14;
+        let flag = grid(columns, 9, 0.7, 0.45, Diagonals::Alternating)
+            .rotate([1.0, 0.0, 0.0], std::f32::consts::FRAC_PI_2)
+            .translate([POLE + 0.025 + 0.35, 0.0, 0.0]);
+        let pins = (0..10).map(|row| VertexId(row * (columns as u32 + 1)));
+        let material = XpbdMaterial { area_density: 0.25, drag: 0.0, ..XpbdMaterial::CLOTH };
+        let wind = Vec3::new(ops::cos(wind), 0.0, ops::sin(wind)) * 6.0;
+        let parts = (
+            SurfaceThickness::World(0.008),
+            SelfCollision,
+            SweptCollision,
+            SurfaceWind { velocity: wind, ..SurfaceWind::default() },
+        );
+        let flag = scene.add_changed(&flag, material, |body| body.pinned(pins), parts);
+        scene.app.world_mut().spawn((RigidShape(pole), Transform::default()));
+        let at = |tick: usize| {
+            Transform::from_translation(Vec3::new(0.1, 0.05, 1.5) + Vec3::new(-0.15, 0.0, -8.0) * (tick as f32 / 60.0))
+        };
+        let ball = scene.app.world_mut().spawn((RigidShape(SharedShape::ball(BALL)), at(0))).id();
+        let mut stopped = 0;
+        for tick in 0..60 {
+            scene.app.world_mut().entity_mut(ball).insert(at(tick));
+            scene.run(1);
+            stopped += scene.diagnostics().vertices_stopped;
+            assert!(scene.diagnostics().refused.is_empty(), "{:?}", scene.diagnostics());
+            // The ball drags it along, and lets it go.
+            let most = 2.0 * (0.8 + at(tick).translation.length());
+            let farthest = scene.positions(flag).iter().map(|position| position.length()).fold(0.0, f32::max);
+            assert!(farthest < most, "tick {tick}, wind {wind}: {farthest}");
+        }
+        assert!(stopped > 0, "the ball misses the flag");
     }
 }

@@ -30,6 +30,10 @@ pub(super) const SHALLOW: f32 = 0.1;
 /// Contact distances by which contacts may be too near after friction. With less, elastic bodies at rest tremble.
 const TOLERANCE: f32 = 0.05;
 
+/// Largest ratio of how far a contact moves a particle to how far it is from where it should be. A contact right beside
+/// a pinned vertex has hardly any weight on the others, and would otherwise throw them away.
+pub const MOST_LEVER: f32 = 8.0;
+
 /// A substep, for contacts.
 #[derive(Clone, Copy, Debug)]
 pub struct Evaluation {
@@ -113,7 +117,7 @@ pub(super) struct ActingBlock<const N: usize> {
     target: [f32; WIDTH],
     /// The least separation that may be left.
     allowed: [f32; WIDTH],
-    /// `1 / Σ w a²`; 0 if the contact cannot act.
+    /// `1 / Σ w a²`, limited by [`MOST_LEVER`]; 0 if the contact cannot act.
     inverse: [f32; WIDTH],
     /// Largest speed of the free particles along the normal that is not bounce.
     most_opening: [f32; WIDTH],
@@ -184,12 +188,15 @@ impl Common {
         let sum = weighted_sum(simd, moved, weights);
         let offset = offset + normal.dot(driven.moved);
         let separation = normal.dot(sum) + offset;
-        let (mut fastest, mut mobility) = (driven.fastest, zeros);
+        let (mut fastest, mut mobility, mut lightest) = (driven.fastest, zeros, zeros);
         for place in 0..N {
+            let is_absent = weights[place].simd_eq(zeros);
             let squared = speeds[place].vector.dot(speeds[place].vector);
-            fastest = fastest.max(weights[place].simd_eq(zeros).select(zeros, squared));
+            fastest = fastest.max(is_absent.select(zeros, squared));
+            lightest = lightest.max(is_absent.select(zeros, moved[place].inverse_mass));
             mobility += weights[place] * weights[place] * moved[place].inverse_mass;
         }
+        let mobility = mobility.max(lightest * MOST_LEVER.powi(-2));
         let speed = weighted_sum(simd, speeds, weights).plus(driven.speed);
         // Constraints may move the particles as far again.
         let reach = fastest.sqrt() * (REACH * step);

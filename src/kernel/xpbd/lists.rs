@@ -239,7 +239,7 @@ mod tests {
     use circumsphere_support::random::Random;
 
     use super::*;
-    use crate::kernel::xpbd::{ParticleRows, Placed, coloring::NONE};
+    use crate::kernel::xpbd::{MOST_LEVER, ParticleRows, Placed, coloring::NONE};
 
     const EVALUATION: Evaluation = Evaluation { step: 0.01, push_out: 1.0, share: 1.0, rate: 100.0 };
 
@@ -330,5 +330,32 @@ mod tests {
         assert!(ends[0][0].distance(drive) < 1e-7, "{:?}", ends[0]);
         assert!(ends[0][1].distance(drive / f64::from(EVALUATION.step)) < 1e-4, "{:?}", ends[0]);
         assert_eq!(ends[1], [DVec3::ZERO; 2]);
+    }
+
+    /// A kinematic vertex presses on a face right beside one of its two pinned corners. What is left to the free corner would
+    /// have to move by the depth divided by its weight.
+    #[test]
+    fn what_presses_beside_a_pinned_vertex_throws_nothing_away() {
+        let depth = 0.01;
+        let pinned = Placed { way: DVec3::ZERO, velocity: DVec3::ZERO, inverse_mass: 0.0 };
+        for share in [0.5, 0.05, 1e-3, 1e-6, 1e-12, 1e-18] {
+            let start = [DVec3::new(0.0, depth, share), DVec3::ZERO, DVec3::X, DVec3::Z];
+            let free = Placed { inverse_mass: 3.0, ..pinned };
+            let contact = Contact {
+                parts: [0, 1, 2, 3],
+                normal: DVec3::Y,
+                distance: 2.0 * depth,
+                friction: [0.5, 0.4],
+                reaction: NONE,
+                recovers: false,
+            };
+            let add = |found: &mut FoundContacts| {
+                found.push_features(FeatureKind::VertexFace, contact, |particle| particle == 3);
+            };
+            let ends = solved(add, &start, [pinned, pinned, pinned, free]);
+            let way = ends[3][0].length();
+            assert!(way <= 1.01 * depth * f64::from(MOST_LEVER), "{share}: {way}");
+            assert!(share < 0.2 || (way * share - depth).abs() < 1e-4, "where there is leverage, it parts: {way}");
+        }
     }
 }

@@ -25,7 +25,7 @@ mod tetrahedra;
 mod volume;
 mod wind;
 
-pub use acting::Evaluation;
+pub use acting::{Evaluation, MOST_LEVER};
 pub use attachments::Attachments;
 pub use contacts::{At, Contact, FeatureParticles, Plane};
 pub use features::FeatureKind;

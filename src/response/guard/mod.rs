@@ -383,13 +383,13 @@ impl Guard {
     ) {
         self.planes.clear();
         for _ in 0..PROJECTIONS {
-            let Self { meshes, found, planes, changed, .. } = self;
+            let Self { meshes, found, planes, changed, solved, .. } = self;
             for (pair, found) in &*found {
                 planes.add(particles, meshes, pair, found, duration);
             }
             changed.clear();
             changed.resize(particles.len(), false);
-            planes.project(particles, changed);
+            planes.project(particles, solved, changed);
             self.follow(particles);
             self.find_again(particles, scene, gatherer);
             if self.found.is_empty() {

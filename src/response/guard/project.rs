@@ -9,7 +9,10 @@ use arrayvec::ArrayVec;
 use glam::DVec3;
 
 use super::mesh::{Mesh, MeshPair};
-use crate::{kernel::ccd::PairImpact, response::particles::Particles};
+use crate::{
+    kernel::{ccd::PairImpact, xpbd::MOST_LEVER},
+    response::particles::Particles,
+};
 
 /// Largest number of sweeps over all planes.
 const MOST_SWEEPS: usize = 64;
@@ -29,12 +32,26 @@ struct Plane {
     least: f64,
     /// Lower bound of `normal · Σ weight velocity`.
     least_velocity: f64,
-    /// Highest speed of the kinematic vertices in the impact.
+    /// Highest speed of the kinematic vertices in the impact, and their longest way.
     driven_speed: f64,
-    /// `Σ weight² / mass`.
+    driven_way: f64,
+    /// How far apart the features are kept.
+    separation: f64,
+    /// What [`mobility`] gives for its particles.
     mobility: f64,
     tolerance: f64,
     multiplier: f64,
+}
+
+/// `Σ weight² / mass`, and at least what [`MOST_LEVER`] asks for.
+fn mobility(particles: &Particles, entries: &[(u32, f64)]) -> f64 {
+    let (mut sum, mut lightest) = (0.0, 0.0_f64);
+    for &(particle, weight) in entries {
+        let inverse_mass = particles.inverse_mass[particle as usize];
+        sum += weight * weight * inverse_mass;
+        lightest = lightest.max(inverse_mass);
+    }
+    sum.max(lightest / f64::from(MOST_LEVER * MOST_LEVER))
 }
 
 /// The planes of all rounds of one part of a tick.
@@ -92,9 +109,7 @@ impl Planes {
                 fastest = fastest.max(start.distance(end));
             }
         }
-        let mobility =
-            entries.iter().map(|&(particle, weight)| weight * weight * particles.inverse_mass[particle as usize]);
-        let mobility: f64 = mobility.sum();
+        let mobility = mobility(particles, &entries);
         if mobility > 0.0 {
             let kept = pair.separation - pair.radius;
             self.planes.push(Plane {
@@ -103,6 +118,8 @@ impl Planes {
                 least: pair.separation + 2.0 * GOOD * kept - normal.dot(ahead),
                 least_velocity: -normal.dot(moved) / duration,
                 driven_speed: fastest / duration,
+                driven_way: fastest,
+                separation: kept,
                 mobility,
                 tolerance: GOOD * kept,
                 multiplier: 0.0,
@@ -110,9 +127,12 @@ impl Planes {
         }
     }
 
-    /// Moves particles beyond all planes, as far as there is room, and marks the particles that have moved.
-    pub(super) fn project(&mut self, particles: &mut Particles, changed: &mut [bool]) {
-        let Particles { position, inverse_mass, .. } = particles;
+    /// Moves particles beyond all planes, as far as there is room, and marks the particles that have moved. None ends
+    /// up farther from its start than anything in the impacts would have moved by itself. Otherwise a wedge that closes,
+    /// or two objects with the cloth between them, would squeeze vertices out to any distance.
+    pub(super) fn project(&mut self, particles: &mut Particles, solved: &[DVec3], changed: &mut [bool]) {
+        let longest = self.longest_way(particles, solved);
+        let Particles { position, inverse_mass, start, .. } = particles;
         for _ in 0..MOST_SWEEPS {
             let mut is_good = true;
             for plane in &mut self.planes {
@@ -130,6 +150,23 @@ impl Planes {
                 break;
             }
         }
+        for &(particle, _) in self.planes.iter().flat_map(|plane| &plane.entries) {
+            let particle = particle as usize;
+            position[particle] = start[particle] + (position[particle] - start[particle]).clamp_length_max(longest);
+        }
+    }
+
+    /// The longest way of anything in the impacts before they were resolved, and the largest separation.
+    fn longest_way(&self, particles: &Particles, solved: &[DVec3]) -> f64 {
+        let ways = self.planes.iter().flat_map(|plane| {
+            let own = plane.entries.iter().map(|&(particle, _)| {
+                let particle = particle as usize;
+                solved[particle].distance(particles.start[particle])
+            });
+            own.chain([plane.driven_way])
+        });
+        let separation = self.planes.iter().map(|plane| plane.separation).fold(0.0, f64::max);
+        ways.fold(0.0, f64::max) + separation
     }
 
     /// Removes the velocity with which particles would continue through the planes that have pushed them. No particle
@@ -182,15 +219,15 @@ mod tests {
 
     /// The plane `normal · Σ weight position ≥ least`.
     fn plane(particles: &Particles, entries: &[(u32, f64)], normal: DVec3, least: f64) -> Plane {
-        let mobility =
-            entries.iter().map(|&(particle, weight)| weight * weight * particles.inverse_mass[particle as usize]);
         Plane {
             entries: entries.iter().copied().collect(),
             normal,
             least,
             least_velocity: least,
             driven_speed: least.abs(),
-            mobility: mobility.sum(),
+            driven_way: least.abs(),
+            separation: 0.0,
+            mobility: mobility(particles, entries),
             tolerance: 1.0e-12,
             multiplier: 0.0,
         }
@@ -200,7 +237,7 @@ mod tests {
         let mut planes = Planes { planes };
         let mut changed = vec![false; particles.len()];
         let before = particles.position.clone();
-        planes.project(&mut particles, &mut changed);
+        planes.project(&mut particles, &before, &mut changed);
         planes.settle_velocities(&mut particles);
         for (place, is_changed) in changed.into_iter().enumerate() {
             assert!(is_changed || particles.position[place] == before[place], "{place}");
