@@ -1,6 +1,6 @@
 //! The systems of the response: choose margins for detection, solve the tick, and write the result back.
 
-use std::{mem, time::Duration};
+use core::{mem, time::Duration};
 
 use bevy_ecs::{entity::EntityHashMap, prelude::*};
 #[cfg(feature = "reflect")]
