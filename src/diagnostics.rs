@@ -1,8 +1,9 @@
 //! What each stage of the last tick cost, and what was reused. Every stage adds its entry when it ends.
 
-use std::time::{Duration, Instant};
+use core::time::Duration;
 
 use bevy_ecs::prelude::*;
+use bevy_platform::time::Instant;
 #[cfg(feature = "reflect")]
 use bevy_reflect::prelude::*;
 

@@ -172,6 +172,6 @@ fn measure_response(paths: Res<Paths>, response: Option<Res<XpbdDiagnostics>>, m
     }
 }
 
-fn milliseconds(duration: std::time::Duration) -> f64 {
+fn milliseconds(duration: core::time::Duration) -> f64 {
     duration.as_secs_f64() * 1.0e3
 }

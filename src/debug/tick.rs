@@ -76,11 +76,6 @@ pub(super) fn has_passed(contact: &Contact) -> bool {
     contact.distance() < 0.0 || contact.is_crossing()
 }
 
-/// The bounding box of all surfaces; empty if there are none.
-pub(super) fn scene_bounds(active: &ActiveSurfaces) -> Aabb {
-    active.surfaces.iter().fold(Aabb::EMPTY, |bounds, surface| bounds.union(&surface.world_bounds))
-}
-
 /// A ball around the surfaces, to which infinite shapes are cut.
 #[derive(Clone, Copy, PartialEq)]
 pub(super) struct Scene {
@@ -94,7 +89,7 @@ const EMPTY_SCENE: Scene = Scene { center: Vec3::ZERO, reach: 10.0 };
 impl Scene {
     /// `None` if there are no surfaces.
     pub(super) fn of(active: &ActiveSurfaces) -> Option<Self> {
-        let bounds = scene_bounds(active);
+        let bounds = active.surfaces.iter().fold(Aabb::EMPTY, |bounds, surface| bounds.union(&surface.world_bounds));
         let reach = (bounds.max - bounds.min).length();
         (reach.is_finite() && reach > 0.0).then(|| Self { center: (bounds.min + bounds.max) * 0.5, reach })
     }

@@ -169,7 +169,11 @@ impl Gatherer {
             let particle_of = |vertex: VertexId| Some(first as u32 + weld.get(vertex.index())?);
             tethers.in_part(scene.motions.shares(), particle_of).for_each(|tether| solver.tether(&tether));
         }
-        self.anchors.attach(solver, surface.entity);
+        // Within a tick, nothing stops what the body pushes. Contacts with it and attachments would push vertices back and
+        // forth in every substep, and the sum of that would throw away what is light.
+        if !scene.is_near_pushed(surface) {
+            self.anchors.attach(solver, surface.entity);
+        }
         if let Ok(wind) = scene.winds.get(surface.entity) {
             solver.blow(wind.air());
         }

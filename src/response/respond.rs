@@ -1,6 +1,6 @@
 //! The systems of the response: choose margins for detection, solve the tick, and write the result back.
 
-use std::{mem, time::Duration};
+use core::{mem, time::Duration};
 
 use bevy_ecs::{entity::EntityHashMap, prelude::*};
 #[cfg(feature = "reflect")]
@@ -288,8 +288,8 @@ fn warn_of_squeezed(diagnostics: Res<XpbdDiagnostics>, mut response: ResMut<Resp
             if jammed.is_empty() { String::new() } else { format!("; these may cross themselves: {jammed:?}") };
         log::warn!(
             "bodies are squeezed with no way left and may be inside the objects that squeeze them ({impacts_remaining} \
-             impacts remain{by_themselves}): leave more room between kinematic objects. This warning repeats only after \
-             {CALM_TICKS} ticks without squeezing"
+             impacts remain{by_themselves}): leave more room between kinematic objects, and keep thicknesses below a quarter \
+             of the shortest edges. This warning repeats only after {CALM_TICKS} ticks without squeezing"
         );
     }
     response.squeezed_for = CALM_TICKS;

@@ -14,10 +14,12 @@ use super::{
 };
 use crate::{
     contacts::ContactStore,
-    detection::{SharedList, Threads},
+    detection::{SharedList, Threads, moved_box},
     kernel::{contact::TouchingPair, mesh::feature::FeatureKind, pose::Pose},
     settings::CircumsphereSettings,
-    surface::{ActiveShape, ActiveSurfaces, ContactFilter, SurfacePositions, SweptCollision, TetrahedralBody},
+    surface::{
+        ActiveShape, ActiveSurface, ActiveSurfaces, ContactFilter, SurfacePositions, SweptCollision, TetrahedralBody,
+    },
 };
 
 /// A surface, with its body and its tetrahedra if it has any.
@@ -53,6 +55,21 @@ impl Scene<'_, '_> {
     /// Whether the impulses of an entity's contacts are to be written to it.
     pub(super) fn wants_reaction(&self, entity: Entity) -> bool {
         !self.reactions.is_empty() && self.reactions.contains(entity)
+    }
+
+    /// Whether something that a body may push, because it takes reactions, is within half of the body's size.
+    pub(super) fn is_near_pushed(&self, body: &ActiveSurface) -> bool {
+        if self.reactions.is_empty() {
+            return false;
+        }
+        let bounds = body.world_bounds.grown(0.5 * (body.world_bounds.max - body.world_bounds.min).length());
+        let mut surfaces = self.active.surfaces.iter().filter(|other| other.entity != body.entity && body.meets(other));
+        let mut shapes = self.active.shapes.iter().filter(|shape| body.layers.interacts_with(shape.layers));
+        surfaces.any(|other| other.world_bounds.overlaps(&bounds) && self.wants_reaction(other.entity))
+            || shapes.any(|shape| {
+                let is_near = |own| moved_box(&own, &shape.pose).overlaps(&bounds);
+                shape.geometry.bounds().is_none_or(is_near) && self.wants_reaction(shape.entity)
+            })
     }
 
     pub(super) fn is_swept(&self, entity: Entity) -> bool {

@@ -319,7 +319,7 @@ pub enum SurfaceFrame {
 pub struct SurfaceDisabled;
 
 /// Insert it when the positions or the pose of a surface or shape jump. The next tick uses no results of earlier ticks
-/// for it, and removes the component.
+/// for it, and removes the component. On a parent, such as the root of a character, it counts for everything below.
 ///
 /// With [`XpbdResponsePlugin`](crate::response::XpbdResponsePlugin), a body follows its transform, including free
 /// vertices, instead of keeping its place in the world. Anything else jumps to where the game has put it, without

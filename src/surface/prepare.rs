@@ -63,7 +63,7 @@ impl Plugin for SurfacePlugin {
             .init_resource::<NextRegistration>()
             .init_resource::<PendingQuarantines>()
             .init_resource::<DetectionDiagnostics>();
-        let systems = (gather_surfaces, gather_shapes, note_disabled).chain();
+        let systems = (gather_surfaces, gather_shapes, note_disabled, end_teleports).chain();
         app.add_systems(self.schedule, systems.in_set(GatherSurfaces).in_set(DeformableSystems::Prepare));
     }
 }
@@ -95,7 +95,6 @@ struct SurfaceItem {
     self_collision: Has<SelfCollision>,
     query_only: Has<QueryOnly>,
     disabled: Has<SurfaceDisabled>,
-    teleported: Has<Teleported>,
     events: Has<ContactEventsEnabled>,
     event_hold: Option<&'static ContactEventHold>,
     rest_contacts: Option<&'static RestContactsIgnored>,
@@ -133,6 +132,12 @@ impl Transforms<'_, '_> {
             SurfaceFrame::Unscaled => Ok(without_scale(&self.global_affine(entity)?)),
             SurfaceFrame::World => Ok(DAffine3::IDENTITY),
         }
+    }
+
+    /// Whether an entity or one of its parents was teleported.
+    fn has_jumped(&self, entity: Entity, teleported: &TeleportedEntities) -> bool {
+        let has_jumped = |entity| teleported.contains(entity);
+        !teleported.is_empty() && (has_jumped(entity) || self.parents.iter_ancestors(entity).any(has_jumped))
     }
 
     /// The transform of an entity and its parents.
@@ -177,12 +182,15 @@ fn update_status(
     }
 }
 
+/// What the game has teleported.
+type TeleportedEntities<'w, 's> = Query<'w, 's, Entity, With<Teleported>>;
+
 fn gather_surfaces(
-    mut commands: Commands,
     mut active: ResMut<ActiveSurfaces>,
     mut quarantines: ResMut<PendingQuarantines>,
     mut diagnostics: ResMut<DetectionDiagnostics>,
     mut surfaces: Query<SurfaceItem>,
+    teleported: TeleportedEntities,
     transforms: Transforms,
 ) {
     diagnostics.begin_tick();
@@ -191,9 +199,6 @@ fn gather_surfaces(
     active.surfaces.clear();
     for mut item in &mut surfaces {
         let was_active = *item.status == SurfaceStatus::Active;
-        if item.teleported {
-            commands.entity(item.entity).try_remove::<Teleported>();
-        }
         let next = if item.disabled {
             SurfaceStatus::Disabled
         } else if item.positions.0.is_empty() {
@@ -217,7 +222,10 @@ fn gather_surfaces(
                         rigid: false,
                         events: item.events,
                         event_hold: held(item.event_hold),
-                        fresh: item.teleported || item.surface.is_changed() || item.frame.is_changed() || !was_active,
+                        fresh: transforms.has_jumped(item.entity, &teleported)
+                            || item.surface.is_changed()
+                            || item.frame.is_changed()
+                            || !was_active,
                         solver_margins: [0.0; 2],
                         own_margin: 0.0,
                         margin: 0.0,
@@ -307,25 +315,22 @@ struct ShapeItem {
     order: Option<&'static SurfaceOrder>,
     query_only: Has<QueryOnly>,
     disabled: Has<SurfaceDisabled>,
-    teleported: Has<Teleported>,
     events: Has<ContactEventsEnabled>,
     event_hold: Option<&'static ContactEventHold>,
 }
 
 fn gather_shapes(
-    mut commands: Commands,
     mut active: ResMut<ActiveSurfaces>,
     mut quarantines: ResMut<PendingQuarantines>,
     mut shapes: Query<ShapeItem, (With<RigidShape>, Without<DeformableSurface>)>,
+    teleported: TeleportedEntities,
     transforms: Transforms,
 ) {
     active.shapes.clear();
     for mut item in &mut shapes {
         let was_active = *item.status == SurfaceStatus::Active;
-        if item.teleported {
-            commands.entity(item.entity).try_remove::<Teleported>();
-        }
-        let fresh = item.teleported || item.shape.is_changed() || item.frame.is_changed() || !was_active;
+        let has_jumped = transforms.has_jumped(item.entity, &teleported);
+        let fresh = has_jumped || item.shape.is_changed() || item.frame.is_changed() || !was_active;
         let next = if item.disabled {
             SurfaceStatus::Disabled
         } else {
@@ -344,6 +349,13 @@ fn gather_shapes(
 fn note_disabled(mut disabled: Query<&mut SurfaceStatus, With<Disabled>>) {
     for mut status in &mut disabled {
         status.set_if_neq(SurfaceStatus::Disabled);
+    }
+}
+
+/// A jump takes one tick.
+fn end_teleports(mut commands: Commands, teleported: TeleportedEntities) {
+    for entity in &teleported {
+        commands.entity(entity).try_remove::<Teleported>();
     }
 }
 

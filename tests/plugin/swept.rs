@@ -397,6 +397,21 @@ fn a_jump_is_no_way() {
     assert_eq!(all(&mut fall.app), []);
     fall.move_to(at(0.1, 1.0, 0.2));
     assert!(fall.first().is_some(), "swept from where it jumped to");
+    // A parent of a parent that jumps takes it along, and once.
+    let roots = [Transform::default(); 2].map(|root| fall.app.world_mut().spawn(root).id());
+    fall.app.world_mut().entity_mut(roots[0]).insert(ChildOf(roots[1]));
+    fall.app.world_mut().entity_mut(fall.ball).insert(ChildOf(roots[0]));
+    for (jumps, height) in [(true, -2.0), (false, 0.0)] {
+        let mut root = fall.app.world_mut().entity_mut(roots[1]);
+        root.insert(Transform::from_xyz(0.0, height, 0.0));
+        if jumps {
+            root.insert(Teleported);
+        }
+        fall.app.update();
+        assert_eq!(fall.first().is_none(), jumps);
+        assert!(!fall.app.world().entity(roots[1]).contains::<Teleported>());
+    }
+    fall.app.world_mut().entity_mut(fall.ball).remove::<ChildOf>();
     // Disabled for a tick, then back on the other side.
     insert(&mut fall.app, fall.ball, SurfaceDisabled);
     fall.app.update();

@@ -3,6 +3,8 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use bevy_circumsphere::prelude::*;
+use circumsphere_support::scenes::Mesh;
+use glam::{Mat4, Vec3};
 use rerun::{
     external::arrow::array::{Array, BooleanArray},
     log::LogMsg,
@@ -128,10 +130,40 @@ fn the_eye_looks_at_the_surfaces_though_they_come_late() {
         assert_eq!(eyes.len(), 1, "after {empty_ticks} empty ticks");
         let target = eyes[0].components.vectors::<3>("EyeControls3D:look_target")[0];
         let position = eyes[0].components.vectors::<3>("EyeControls3D:position")[0];
-        let (target, position) = (glam::Vec3::from_array(target), glam::Vec3::from_array(position));
+        let (target, position) = (Vec3::from_array(target), Vec3::from_array(position));
         // The box of the sheet is grown by its thickness, equally on all sides. The tolerance is that of f32 at 300.
-        assert!(target.distance(glam::Vec3::new(300.0, 20.0, -7.0)) < 1.0e-3, "{target}");
+        assert!(target.distance(Vec3::new(300.0, 20.0, -7.0)) < 1.0e-3, "{target}");
         let distance = target.distance(position);
         assert!((1.0..10.0).contains(&distance), "the sheet is 2.8 across, seen from {distance}");
+    }
+}
+
+/// The viewer's default field of view is 55° high. Views of scenes are wider than high.
+#[test]
+fn the_eye_sees_the_whole_scene_and_is_not_farther_away_than_it_must_be() {
+    for size in [Vec3::ONE, Vec3::new(20.0, 0.1, 20.0), Vec3::new(0.1, 30.0, 0.1), Vec3::new(100.0, 1.0, 2.0)] {
+        let mut recorded = Recorded::new(everything());
+        let place = Vec3::new(-3.0, 40.0, 5.0);
+        let mesh = Mesh {
+            positions: vec![
+                (place - size).into(),
+                (place + size).into(),
+                (place + size * Vec3::new(1.0, -1.0, -1.0)).into(),
+            ],
+            triangles: vec![[0, 1, 2]],
+        };
+        spawn(&mut recorded.app, "box", &mesh, THIN);
+        let layout = recorded.tick().layout.clone();
+        let eye = layout.iter().find(|row| row.path.last().is_some_and(|part| part == "EyeControls3D"));
+        let at = |name| Vec3::from(eye.expect("there is an eye").components.vectors::<3>(name)[0]);
+        let (position, target) = (at("EyeControls3D:position"), at("EyeControls3D:look_target"));
+        let view = Mat4::look_at_rh(position, target, Vec3::Y);
+        let seen = Mat4::perspective_rh(55.0_f32.to_radians(), 1.5, 1.0e-3, 1.0e4) * view;
+        let corners = (0..8_u32).map(|corner| {
+            let sign = |axis: u32| if corner >> axis & 1 == 0 { -1.0 } else { 1.0 };
+            seen.project_point3(place + size * Vec3::new(sign(0), sign(1), sign(2)))
+        });
+        let outermost = corners.map(|corner| corner.x.abs().max(corner.y.abs())).fold(0.0, f32::max);
+        assert!((0.8..1.0).contains(&outermost), "{size}: {outermost}");
     }
 }

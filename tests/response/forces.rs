@@ -3,7 +3,7 @@
 use bevy_circumsphere::{prelude::*, response::*};
 use bevy_ecs::prelude::*;
 use bevy_transform::components::Transform;
-use circumsphere_support::scenes::{Diagonals, Mesh, cuboid, grid, icosphere};
+use circumsphere_support::scenes::{Diagonals, Mesh, cloth, cuboid, grid, icosphere};
 use glam::{DVec3, Quat, Vec3};
 
 use crate::harness::{LOSSLESS, Scene, TICK, mean, ticks_in};
@@ -359,5 +359,40 @@ fn reactions_and_momentum_of_bodies_add_up() {
             assert!(off < 1.0e-4 * start.length(), "{name}, tick {tick}: {off} of {start}");
         }
         assert!(brought.length() > 0.3 * start.length(), "{name}: it has hit: {brought} of {start}");
+    }
+}
+
+/// A ball that is moved by its reactions, on a canvas that is pinned all around and does not stretch. What holds the canvas
+/// by its pins must not add up in the reactions: it would throw the ball away.
+#[test]
+fn a_canvas_throws_no_ball_higher_than_it_fell_from() {
+    const HEIGHT: f32 = 0.6;
+    for mass in [0.1, 0.2, 0.3] {
+        let mut scene = Scene::new();
+        let canvas = cloth(25, 0.05);
+        let is_outer = |place: u32| place == 0 || place == 24;
+        let border = (0..25 * 25).filter(|vertex| is_outer(vertex % 25) || is_outer(vertex / 25)).map(VertexId);
+        let material = XpbdMaterial { area_density: 1.0, drag: 10.0, ..XpbdMaterial::CLOTH };
+        let extra = (SurfaceThickness::World(0.01), SelfCollision, SweptCollision);
+        scene.add_changed(&canvas, material, |body| body.pinned(border), extra);
+        let (mut place, mut velocity) = (Vec3::new(0.03, HEIGHT, 0.02), Vec3::ZERO);
+        let ball = (RigidShape(SharedShape::ball(0.2)), SurfaceReaction::default(), Transform::from_translation(place));
+        let ball = scene.app.world_mut().spawn(ball).id();
+        let mut pushed = 0.0;
+        for tick in 0..600 {
+            velocity.y -= 9.81 * TICK as f32;
+            place += velocity * TICK as f32;
+            scene.app.world_mut().entity_mut(ball).insert(Transform::from_translation(place));
+            scene.run(1);
+            let impulse = scene.app.world().get::<SurfaceReaction>(ball).unwrap().impulse;
+            velocity += impulse / mass;
+            pushed += impulse.y;
+            // Steps of this size gain less than a twentieth of what the ball has.
+            let energy = 9.81 * place.y + 0.5 * velocity.length_squared();
+            assert!(energy < 1.05 * 9.81 * HEIGHT, "{mass} kg, tick {tick}: {energy} J/kg at {place}");
+        }
+        // It lies there: the canvas has carried it most of the time.
+        assert!(pushed > 5.0 * 9.81 * mass, "{mass} kg: {pushed} Ns");
+        assert!(place.y > -HEIGHT, "{mass} kg: it is on the canvas, not below: {place}");
     }
 }

@@ -28,12 +28,18 @@ fn named(app: &mut App, wanted: &str) -> Entity {
 }
 
 #[test]
-fn the_file_in_assets_is_the_one_that_the_code_makes() {
-    let committed = std::fs::read(assets().join("character.glb")).expect("it is there");
-    assert!(committed == file::character_file(), "run the program with `--make assets/character.glb`");
-    // It is valid to a reader that is not Bevy's loader.
-    let gltf = bevy_gltf::gltf::Gltf::from_slice(&committed).expect("valid");
-    assert_eq!((gltf.meshes().count(), gltf.skins().count(), gltf.animations().count()), (2, 1, 1));
+fn the_files_in_assets_are_those_that_the_code_makes() {
+    let files: [(_, _, fn() -> Vec<u8>, _); 2] = [
+        ("character.glb", "--make", file::character_file, [2, 1, 1]),
+        ("person.glb", "--make-person", circumsphere_gltf::person_file, [2, 1, 2]),
+    ];
+    for (name, option, make, counts) in files {
+        let committed = std::fs::read(assets().join(name)).expect("it is there");
+        assert!(committed == make(), "run the program with `{option} assets/{name}`");
+        // It is valid to a reader that is not Bevy's loader.
+        let gltf = bevy_gltf::gltf::Gltf::from_slice(&committed).expect("valid");
+        assert_eq!([gltf.meshes().count(), gltf.skins().count(), gltf.animations().count()], counts, "{name}");
+    }
 }
 
 /// The truth is the formula that the file was made from, in f64.

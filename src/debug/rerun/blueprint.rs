@@ -3,7 +3,7 @@
 //! The layout types of the SDK cannot hide an entity. So this module writes the rows of a layout itself, at the paths
 //! that the viewer uses.
 
-use glam::Vec3;
+use glam::{BVec3, Vec3};
 use rerun::{
     AsComponents, EntityPath, RecordingStream, RecordingStreamBuilder, RecordingStreamResult,
     external::{
@@ -89,11 +89,38 @@ impl Layout {
     }
 }
 
-/// Position of the eye relative to the center of the scene, in diagonals of its bounding box.
+/// Where the eye is, as seen from the center of the scene.
 const EYE: Vec3 = Vec3::new(0.47, 0.33, 0.6);
 
-/// Sends the layout into a recording and activates it, with the eye on `bounds`.
-pub(super) fn send(recording: &RecordingStream, bounds: &Aabb) -> RecordingStreamResult<()> {
+/// Half of the height and width that the viewer shows at a distance of 1: its field of view is 55° high, and the view at
+/// least one and a half times as wide as high in windows of usual shapes. A tenth is left free at the borders.
+const SEEN: [f32; 2] = [0.9 * 0.5206, 0.9 * 1.5 * 0.5206];
+
+/// Where the eye is to see all of these boxes, and what it looks at, as near as it can be. `None` if there is nothing to
+/// see.
+fn eye_on(boxes: &[Aabb]) -> Option<[Vec3; 2]> {
+    let all = boxes.iter().fold(Aabb::EMPTY, |all, bounds| all.union(bounds));
+    let size = (all.max - all.min).length();
+    if !(size.is_finite() && size > 0.0) {
+        return None;
+    }
+    let center = (all.min + all.max) * 0.5;
+    let back = EYE.normalize();
+    let right = Vec3::Y.cross(back).normalize();
+    let up = back.cross(right);
+    let corners = boxes.iter().flat_map(|Aabb { min, max }| {
+        (0..8).map(|corner| Vec3::select(BVec3::new(corner & 1 == 0, corner & 2 == 0, corner & 4 == 0), *min, *max))
+    });
+    // How far back the eye must be to see a corner.
+    let away = |corner: Vec3| {
+        let corner = corner - center;
+        corner.dot(back) + (corner.dot(up).abs() / SEEN[0]).max(corner.dot(right).abs() / SEEN[1])
+    };
+    Some([center + back * corners.map(away).fold(0.0, f32::max), center])
+}
+
+/// Sends the layout into a recording and activates it, with the eye on `boxes`.
+pub(super) fn send(recording: &RecordingStream, boxes: &[Aabb]) -> RecordingStreamResult<()> {
     let Some(store) = recording.store_info() else { return Ok(()) };
     let builder = RecordingStreamBuilder::new(store.application_id().clone()).recording_id("layout").blueprint();
     let (stream, storage) = builder.memory()?;
@@ -110,13 +137,11 @@ pub(super) fn send(recording: &RecordingStream, bounds: &Aabb) -> RecordingStrea
     let of_scene = |property: &str| scene.path.join(&path([property]));
     layout.log(of_scene("Background"), &Background::new(BackgroundKind::SolidColor).with_color(colors::BACKGROUND))?;
     layout.log(of_scene("LineGrid3D"), &LineGrid3D::new().with_visible(false))?;
-    let diagonal = (bounds.max - bounds.min).length();
-    if diagonal.is_finite() && diagonal > 0.0 {
-        // By default the viewer stays one unit away, however small the scene is.
-        let center = (bounds.min + bounds.max) * 0.5;
+    // By default the viewer stays one unit away, however small the scene is.
+    if let Some([position, target]) = eye_on(boxes) {
         let eye = EyeControls3D::new()
-            .with_position((center + EYE * diagonal).to_array())
-            .with_look_target(center.to_array())
+            .with_position(position.to_array())
+            .with_look_target(target.to_array())
             .with_eye_up(Vec3::Y.to_array());
         layout.log(of_scene("EyeControls3D"), &eye)?;
     }

@@ -1,4 +1,4 @@
-//! Draws contacts: points, normals, separations of the deepest, and penetrations.
+//! Draws contacts: points, normals, the separation of the deepest, and penetrations.
 
 use bevy_ecs::prelude::*;
 use rerun::{AnyValues, Arrows3D, AsComponents, LineStrips3D, Points3D, Radius};
@@ -18,9 +18,6 @@ use crate::{
     },
     surface::DeformableSurface,
 };
-
-/// Number of contacts per tick that are labeled with their separation. More labels would hide each other.
-const LABELS: usize = 3;
 
 /// Sizes that are visible over a mesh from afar, in points on the screen.
 const POINT: Radius = Radius(rerun::datatypes::Float32(-4.0));
@@ -43,7 +40,8 @@ pub(super) fn draw(
     let pairs: Vec<Vec<Drawn>> = pairs.filter(|contacts: &Vec<Drawn>| !contacts.is_empty()).collect();
     let penetrations = pairs.iter().map(|contacts| passed(contacts)).filter(|contacts| !contacts.is_empty()).collect();
     if settings.contacts {
-        let deepest = pairs.iter().filter_map(|contacts| deepest(contacts)).collect();
+        let deepest =
+            pairs.iter().flatten().copied().min_by(|a, b| a.contact.separation().total_cmp(&b.contact.separation()));
         let groups = grouped(pairs);
         let count = groups.iter().map(|(_, contacts)| contacts.len()).sum();
         // A point with its color and numbers, and an arrow.
@@ -52,7 +50,9 @@ pub(super) fn draw(
         for (name, contacts) in &groups {
             draw_contacts(writer, &mut share, name, contacts);
         }
-        draw_depths(writer, deepest);
+        if let Some(deepest) = deepest {
+            draw_depth(writer, deepest);
+        }
     }
     if settings.penetrations {
         let groups = grouped(penetrations);
@@ -118,25 +118,17 @@ fn draw_contacts(writer: &mut TickWriter, share: &mut Share, name: &str, contact
     writer.passing_row(of("normals"), &[&arrows]);
 }
 
-fn deepest<'a>(contacts: &[Drawn<'a>]) -> Option<Drawn<'a>> {
-    contacts.iter().min_by(|a, b| a.contact.separation().total_cmp(&b.contact.separation())).copied()
-}
-
-/// Labels the deepest contacts, at most one per pair: the labels of one pair's contacts would often overlap.
-fn draw_depths(writer: &mut TickWriter, mut contacts: Vec<Drawn>) {
-    contacts.sort_by(|a, b| a.contact.separation().total_cmp(&b.contact.separation()));
-    contacts.truncate(LABELS);
-    let mut share = writer.share(Layer::Contacts, contacts.len(), 12 + 4 + 16 + 4 * 4, 1, row_bytes(10));
-    contacts.truncate(share.places(contacts.len()).len());
-    if contacts.is_empty() {
+/// Labels the deepest contact. Further labels would hide each other: deep contacts are often close together.
+fn draw_depth(writer: &mut TickWriter, drawn: Drawn) {
+    if writer.share(Layer::Contacts, 1, 12 + 4 + 16 + 4 * 4, 1, row_bytes(10)).places(1).is_empty() {
         return;
     }
-    let depths = Points3D::new(contacts.iter().map(|drawn| drawn.contact.points().1.to_array()))
-        .with_labels(contacts.iter().map(|drawn| format!("{:.2e}", drawn.contact.separation())))
+    let depth = Points3D::new([drawn.contact.points().1.to_array()])
+        .with_labels([format!("{:.2e}", drawn.contact.separation())])
         .with_show_labels(true)
-        .with_colors(contacts.iter().map(|drawn| colors::contact(&drawn.contact)))
+        .with_colors([colors::contact(&drawn.contact)])
         .with_radii([POINT]);
-    writer.passing_row(path([Layer::Contacts.name(), "depths"]), &[&depths, &numbers(&contacts)]);
+    writer.passing_row(path([Layer::Contacts.name(), "deepest"]), &[&depth, &numbers(&[drawn])]);
 }
 
 fn draw_penetrations(writer: &mut TickWriter, share: &mut Share, name: &str, contacts: &[Drawn]) {

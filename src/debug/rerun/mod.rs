@@ -41,8 +41,9 @@ use self::{
 };
 use crate::{
     contacts::{SurfaceContacts, TouchingSides},
-    debug::tick::{Detected, Touches, scene_bounds},
+    debug::tick::{Detected, Touches},
     detection::DetectionDiagnostics,
+    kernel::mesh::bounds::Aabb,
     schedule::{DeformableSystems, add_to_host_schedule, run_detection},
     surface::{ActiveSurfaces, DeformableSurface, RigidShape, SurfacePositions, SurfaceQuarantined},
 };
@@ -281,7 +282,8 @@ fn record_detection(
 /// Sends the up axis and the layout to the viewer.
 fn lay_out(stream: &RecordingStream, active: &ActiveSurfaces) {
     let up = stream.log_static(recorder::path([]), &ViewCoordinates::RIGHT_HAND_Y_UP());
-    if let Err(error) = up.and_then(|()| blueprint::send(stream, &scene_bounds(active))) {
+    let boxes: Vec<Aabb> = active.surfaces.iter().map(|surface| surface.world_bounds).collect();
+    if let Err(error) = up.and_then(|()| blueprint::send(stream, &boxes)) {
         log::warn!("the recording has no layout: {error}");
     }
 }

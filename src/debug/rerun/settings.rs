@@ -37,7 +37,7 @@ pub struct RerunSettings {
     pub meshes: LevelOfDetail,
     /// Rigid shapes, as wireframes. Default true.
     pub shapes: bool,
-    /// Contact points, normals, and the separations of the deepest contacts. Default true.
+    /// Contact points, normals, and the separation of the deepest contact. Default true.
     pub contacts: bool,
     /// Contacts whose sides have passed each other, edges that pierce faces, and the vertices in tetrahedral bodies with
     /// their ways out, if [`TetrahedralContainmentPlugin`](crate::TetrahedralContainmentPlugin) finds them. Default true.

@@ -1,10 +1,10 @@
 //! Pairs triangles by a bounding volume tree per surface, which is refitted if a pair searches it, and by lists of near
 //! pairs, which need no search.
 
+use core::time::Duration;
 use std::{
     ops::Range,
     sync::atomic::{AtomicUsize, Ordering},
-    time::Duration,
 };
 
 use bevy_app::prelude::*;

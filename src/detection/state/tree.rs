@@ -1,6 +1,7 @@
 //! The tree over the triangles of a surface.
 
-use std::{sync::Arc, time::Duration};
+use core::time::Duration;
+use std::sync::Arc;
 
 use crate::{
     detection::state::bounds::TriangleBounds,

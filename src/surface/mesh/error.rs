@@ -50,7 +50,7 @@ pub enum SurfaceMeshError {
         joints: usize,
     },
     /// A joint, or one of its parents, was despawned or has no transform.
-    #[error("its joint {0}, or a parent of it, does not exist or has no Transform")]
+    #[error("its joint {0}, or a parent of it, does not exist, has no Transform, or is Disabled")]
     MissingJoint(Entity),
     /// The displacements of the morph targets are no multiple of the vertices.
     #[error("its mesh has {displacements} morph displacements, which is no multiple of its {vertices} vertices")]

@@ -1,7 +1,9 @@
 //! Refits trees to the boxes of their surfaces: one large surface in tasks, many small ones in parallel. Rebuilds a
 //! tree that has decayed.
 
-use std::{sync::Arc, time::Instant};
+use std::sync::Arc;
+
+use bevy_platform::time::Instant;
 
 use crate::{
     detection::{
