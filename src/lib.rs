@@ -127,7 +127,7 @@ pub mod prelude {
             DeformableSurface, QuarantineReason, QueryOnly, RestContactsIgnored, RigidShape, SelfCollision, Sidedness,
             SurfaceDisabled, SurfaceFrame, SurfaceLayers, SurfaceOrder, SurfacePositions, SurfaceQuarantined,
             SurfaceShape, SurfaceStatus, SurfaceThickness, SweptCollision, SweptTarget, Teleported, TetrahedralBody,
-            TriangleLayers,
+            TriangleLayers, VertexThickness,
         },
     };
     pub use parry3d::shape::SharedShape;
