@@ -37,6 +37,7 @@ pub mod docs {
     #[doc = include_str!("doc_links.md")]
     #[doc = include_str!("../docs/tetrahedra.md")]
     pub mod tetrahedra {}
+    #[doc = include_str!("doc_links.md")]
     #[doc = include_str!("../docs/thin_walls.md")]
     pub mod thin_walls {}
     #[doc = include_str!("doc_links.md")]

@@ -56,6 +56,12 @@ impl PartialEq for ThicknessList {
 }
 
 impl ThicknessList {
+    /// One for each vertex, in the unit of the positions.
+    #[cfg(feature = "rerun")]
+    pub(crate) fn values(&self) -> &[f32] {
+        &self.values
+    }
+
     /// With the world length of a unit of the positions.
     pub(crate) fn varying(&self, scale: f64) -> VaryingThickness<'_> {
         VaryingThickness { at_vertices: &self.values, largest: self.largest, scale }
