@@ -47,6 +47,9 @@ const TIMES: usize = 15;
 const OTHER_LEVEL: u32 = 4;
 const OTHER_RADIUS: f32 = 0.3;
 
+/// How far over the original the sheets are shown, relative to the diagonal of its box.
+const SHOWN_OVER: f32 = 0.15;
+
 /// Turn the thin walls of a mesh into single-layer sheets with thickness.
 #[derive(Parser, Debug)]
 #[command(name = "thin_wall")]
@@ -283,11 +286,13 @@ impl Probed {
     }
 }
 
+fn box_around(positions: &[Vec3]) -> (Vec3, Vec3) {
+    positions.iter().fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(low, high), &point| (low.min(point), high.max(point)))
+}
+
 /// The median time in milliseconds of a detection against a closed mesh around the middle.
 fn time(positions: &[Vec3], triangles: &[[u32; 3]], thickness: &[f32]) -> Option<f64> {
-    let (low, high) = positions
-        .iter()
-        .fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(low, high), &position| (low.min(position), high.max(position)));
+    let (low, high) = box_around(positions);
     let Probed { mut app, mesh, .. } = Probed::new(positions, triangles, thickness, &[], 0.0)?;
     let other = icosphere(OTHER_LEVEL, OTHER_RADIUS * (high - low).length());
     let points: Vec<Vec3> = other.positions.iter().copied().map(Vec3::from_array).collect();
@@ -392,17 +397,20 @@ fn write_obj(file: &mut impl Write, walls: &ThinWalls) -> io::Result<()> {
     file.flush()
 }
 
-/// Records the original and the sheets, each region as a surface of its own. Nothing collides.
+/// Records the original, and the sheets over it, each region as a surface of its own. Nothing collides.
 fn show(input: &Input, walls: &ThinWalls, recorder: Recorder) -> Result<(), BevyError> {
     let plugins = DeformableCollisionPlugins::new(Update).build();
     let mut app = headless_app(plugins, CircumsphereSettings::default(), recorder);
     let alone = SurfaceLayers { memberships: 0, filters: 0 };
-    let mut spawn = |name: String, positions: &[Vec3], triangles: &[[u32; 3]]| {
+    let mut spawn = |name: String, positions: &[Vec3], triangles: &[[u32; 3]], place: Vec3| {
         let surface = DeformableSurface::from_mesh(positions, triangles)?;
-        app.world_mut().spawn((surface, alone, Name::new(name)));
+        app.world_mut().spawn((surface, alone, Name::new(name), Transform::from_translation(place)));
         Ok::<_, BevyError>(())
     };
-    spawn("original".to_owned(), &input.positions, &input.triangles)?;
+    let (low, high) = box_around(&input.positions);
+    // Inside of the original, nothing would be seen of them.
+    let over = Vec3::Y * ((high - low).y + SHOWN_OVER * (high - low).length());
+    spawn("original".to_owned(), &input.positions, &input.triangles, Vec3::ZERO)?;
     let mut by_region = vec![Vec::new(); walls.regions.len() + 1];
     for (triangle, &corners) in walls.triangles.iter().enumerate() {
         let region = walls.sheet_regions.get(triangle).map_or(walls.regions.len(), |&region| region as usize);
@@ -427,7 +435,7 @@ fn show(input: &Input, walls: &ThinWalls, recorder: Recorder) -> Result<(), Bevy
                 *name
             }));
         }
-        spawn(name, &positions, &own)?;
+        spawn(name, &positions, &own, over)?;
     }
     detect(&mut app);
     Ok(())
