@@ -19,6 +19,9 @@ use crate::kernel::mesh::{
     feature::{Feature, FeatureKind, FeaturePair},
 };
 
+/// Distances that exceed the range by less than this share may do so by rounding.
+const SLACK: f64 = 1.0e-9;
+
 /// One triangle, with what lacks at its corners, in the unit of the pair's frame.
 #[derive(Clone, Copy)]
 struct Thick {
@@ -60,12 +63,18 @@ pub(super) struct ThickProximity {
 impl ThickProximity {
     /// Examines two triangles: the least reach, and all features whose reach is at most `range` or more by rounding.
     pub(super) fn examine(&mut self, corners: &[[DVec3; 3]; 2], lacks: [[f64; 3]; 2], range: f64) {
-        // What is farther apart reaches no farther.
-        examine_pair(&corners[0], &corners[1], range, &mut self.pair);
+        let least_lack = |lacks: [f64; 3]| lacks.into_iter().fold(f64::INFINITY, f64::min);
+        // The reach is at least the distance and what lacks everywhere.
+        let near = (range - least_lack(lacks[0]) - least_lack(lacks[1])).max(0.0);
+        examine_pair(&corners[0], &corners[1], near, &mut self.pair);
         let origin = corners[0][0];
         let side = |side: usize| Thick { corners: corners[side].map(|corner| corner - origin), lacks: lacks[side] };
         let (a, b) = (side(0), side(1));
         self.reaches.clear();
+        if self.pair.distance > near * (1.0 + SLACK) && self.pair.proximities.is_empty() {
+            self.least = f64::INFINITY;
+            return;
+        }
         if a.is_even() && b.is_even() {
             let lack = a.lacks[0] + b.lacks[0];
             let reach = |proximity: &Proximity| match proximity.features.kind() {

@@ -25,7 +25,7 @@ pub(super) fn examine_pairs(
     only_closest: bool,
 ) {
     found.examined += candidates.len();
-    let limits = ScreenLimits {
+    let mut limits = ScreenLimits {
         scale: settings.scale,
         ranges: [settings.range; PairScreen::WIDTH],
         contact_distance: settings.contact_distance,
@@ -39,6 +39,10 @@ pub(super) fn examine_pairs(
     for pairs in candidates.chunks(PairScreen::WIDTH) {
         let mut possible = first_lanes(pairs.len()) as u32;
         if settings.cull || found.wants_lower_bounds {
+            // What lacks everywhere on both triangles is no part of their distance.
+            for (range, &[triangle_a, triangle_b]) in limits.ranges.iter_mut().zip(pairs) {
+                *range = settings.range - a.least_lack(triangle_a) - b.least_lack(triangle_b);
+            }
             let rows = [rows_of::<0>(a, pairs, made_a), rows_of::<1>(b, pairs, made_b)];
             let screened = screen.screen([&rows[0], &rows[1]], poses, pairs.len(), &limits);
             if settings.cull {
