@@ -10,6 +10,7 @@ use bevy_circumsphere::{
     response::*,
 };
 use bevy_ecs::prelude::*;
+use bevy_math::ops;
 use bevy_time::Time;
 use bevy_transform::components::Transform;
 use circumsphere_support::scenes::{Mesh, Panel, panel};
@@ -80,7 +81,8 @@ impl Held {
     /// Moves the ends and the ball, and ticks.
     fn tick(&mut self, tick: usize) {
         let phase = tick as f32 * TICK as f32;
-        let [closer, turn, press] = [0.5 - 0.5 * (1.9 * phase).cos(), (1.3 * phase).sin(), (2.3 * phase).sin()];
+        let closer = 0.5 - 0.5 * ops::cos(1.9 * phase);
+        let [turn, press] = [ops::sin(1.3 * phase), ops::sin(2.3 * phase)];
         let world = self.app.world_mut();
         let mut positions = world.get_mut::<SurfacePositions>(self.body).expect("it is a surface");
         for &(vertex, rest) in &self.ends {
