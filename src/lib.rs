@@ -37,6 +37,7 @@ pub mod docs {
     #[doc = include_str!("doc_links.md")]
     #[doc = include_str!("../docs/tetrahedra.md")]
     pub mod tetrahedra {}
+    #[doc = include_str!("doc_links.md")]
     #[doc = include_str!("../docs/thin_walls.md")]
     pub mod thin_walls {}
     #[doc = include_str!("doc_links.md")]
@@ -127,7 +128,7 @@ pub mod prelude {
             DeformableSurface, QuarantineReason, QueryOnly, RestContactsIgnored, RigidShape, SelfCollision, Sidedness,
             SurfaceDisabled, SurfaceFrame, SurfaceLayers, SurfaceOrder, SurfacePositions, SurfaceQuarantined,
             SurfaceShape, SurfaceStatus, SurfaceThickness, SweptCollision, SweptTarget, Teleported, TetrahedralBody,
-            TriangleLayers,
+            TriangleLayers, VertexThickness,
         },
     };
     pub use parry3d::shape::SharedShape;

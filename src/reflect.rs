@@ -19,7 +19,7 @@ use crate::{
         DeformableSurface, EnclosingBalls, PreviousPositions, QueryOnly, RestContactsIgnored, RigidShape,
         SelfCollision, Sidedness, SurfaceDisabled, SurfaceFrame, SurfaceLayers, SurfaceOrder, SurfacePositions,
         SurfaceQuarantined, SurfaceShape, SurfaceStatus, SurfaceThickness, SweptCollision, SweptTarget, Teleported,
-        TetrahedralBody, TriangleCones, TriangleCurvature, TriangleLayers,
+        TetrahedralBody, TriangleCones, TriangleCurvature, TriangleLayers, VertexThickness,
     },
 };
 
@@ -41,7 +41,7 @@ impl Plugin for ReflectPlugin {
             // Written by the game.
             CircumsphereSettings, ContactEventHold, ContactEventsEnabled, ContactFilter, ContactMethod, DeformableSurface, QueryOnly, RestContactsIgnored, RigidShape, SelfCollision,
             Sidedness, SurfaceDisabled, SurfaceForces, SurfaceFrame, SurfaceFriction, SurfaceLayers, SurfaceOrder,
-            SurfacePositions, SurfaceShape, SurfaceThickness, SurfaceWind, SweptCollision, SweptTarget, Teleported, TetrahedralBody, TriangleLayers, XpbdBody,
+            SurfacePositions, SurfaceShape, SurfaceThickness, SurfaceWind, SweptCollision, SweptTarget, Teleported, TetrahedralBody, TriangleLayers, VertexThickness, XpbdBody,
             XpbdSettings, XpbdTethers,
             // Written by the plugins.
             ActiveSurfaces, CandidateTrianglePairs, Circumspheres, CollisionHistory, ContactStore, Containments, DetectionDiagnostics, EnclosingBalls,

@@ -53,6 +53,8 @@ fn a_panel_becomes_a_sheet_with_a_report() {
         "hausdorff_over_thickness",
         "regions",
         "left_out",
+        "probes",
+        "detection",
     ];
     expected.sort_unstable();
     let mut sorted = names;
@@ -64,6 +66,9 @@ fn a_panel_becomes_a_sheet_with_a_report() {
     assert_eq!(report["regions"][1]["kind"], "rib");
     assert_eq!(report["regions"][1]["parent"], 0);
     assert!(number(&report, "hausdorff_over_thickness") < 0.05);
+    assert_eq!(report["probes"]["count"], 10_000);
+    assert!(report["probes"]["touching"].as_u64() > Some(1000), "{report}");
+    assert_eq!(report["probes"]["missed_beyond_hausdorff"], 0, "no contact is lost");
     let after = read_recording(&[out]).expect("the sheet can be read");
     assert_eq!(report["triangles_after"], after.triangles.len());
 }

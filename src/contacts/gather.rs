@@ -158,17 +158,18 @@ fn stored_pair(active: &ActiveSurfaces, pair: &SurfacePair, found: &PairContacts
     let first = &active.surfaces[pair.first];
     let has_inside = |surface: &ActiveSurface| is_one_sided(surface, pair);
     let (a, b) = sides_of(active, pair);
-    let (topology_b, shape, pose_b, one_sided_b, events_b, hold_b, order_b) = match pair.second {
+    let (topology_b, shape, pose_b, one_sided_b, events_b, hold_b, order_b, thickness_b) = match pair.second {
         OtherSide::Surface(second) => {
             let second = &active.surfaces[second];
             let topology = Some(Arc::clone(&second.topology));
             let one_sided = has_inside(second);
-            (topology, None, second.pose, one_sided, second.events, second.event_hold, second.order)
+            let thickness = second.vertex_thickness.clone();
+            (topology, None, second.pose, one_sided, second.events, second.event_hold, second.order, thickness)
         }
         OtherSide::Shape(place) => {
             let shape = &active.shapes[place];
             let geometry = Some(Arc::clone(&shape.geometry));
-            (None, geometry, shape.pose, true, shape.events, shape.event_hold, shape.order)
+            (None, geometry, shape.pose, true, shape.events, shape.event_hold, shape.order, None)
         }
     };
     StoredPair {
@@ -176,6 +177,7 @@ fn stored_pair(active: &ActiveSurfaces, pair: &SurfacePair, found: &PairContacts
         a,
         b,
         contact_distance: pair.contact_distance,
+        vertex_thickness: [first.vertex_thickness.clone(), thickness_b],
         nearest: found.nearest,
         contacts: found.contacts.clone(),
         touching: found.touching.clone(),

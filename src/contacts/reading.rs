@@ -205,7 +205,7 @@ impl Contact<'_> {
     /// margin.
     #[must_use]
     pub fn separation(&self) -> f32 {
-        self.record.distance - self.pair.contact_distance
+        self.record.distance - self.contact_distance()
     }
 
     /// Signed distance of the two contact points in world units. Negative if the sides have passed each other.
@@ -214,10 +214,10 @@ impl Contact<'_> {
         self.record.distance
     }
 
-    /// The distance within which the two sides touch, in world units: the sum of both thicknesses. A shape has none.
+    /// The distance within which the two sides touch here, in world units: the sum of both thicknesses. A shape has none.
     #[must_use]
     pub fn contact_distance(&self) -> f32 {
-        self.pair.contact_distance
+        self.pair.contact_distance_at(self.record)
     }
 
     /// World unit normal from the first side to the second. Moving the second side along it separates the two.

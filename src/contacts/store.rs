@@ -16,7 +16,7 @@ use crate::{
         pose::Pose,
         spheres::contacts::SphereContact,
     },
-    surface::{ContactSide, SideOrder},
+    surface::{ContactSide, SideOrder, ThicknessList},
 };
 
 /// A surface and something that it is in contact with, or close to.
@@ -26,9 +26,14 @@ pub struct StoredPair {
     pub a: ContactSide,
     /// The second side. In a self-collision, the same as the first.
     pub b: ContactSide,
-    /// Triangles of the two sides touch within this distance, in world units.
+    /// Triangles of the two sides touch within this distance, in world units. The largest, if a thickness
+    /// [varies](crate::VertexThickness).
     pub contact_distance: f32,
-    /// Distance of the nearest triangles in world units, at least 0. Infinite if none is within range.
+    /// The thickness at each vertex of either side, where it varies.
+    pub(crate) vertex_thickness: [Option<Arc<ThicknessList>>; 2],
+    /// Distance of the nearest triangles in world units, at least 0. Infinite if none is within range. If a thickness varies,
+    /// this is the least distance of two points, each farther away by how much the thickness there is less than the
+    /// largest. So the sides touch if it is at most `contact_distance`.
     pub nearest: f64,
     /// The contacts, sorted by their triangles, then by [key](crate::kernel::contact::ContactKey). If several pairs of
     /// triangles have the same features, this is the contact of the first pair.
@@ -78,6 +83,33 @@ impl StoredPair {
     #[must_use]
     pub fn touching_count(&self) -> usize {
         self.spheres.as_ref().map_or(self.touching.len(), |found| found.touching)
+    }
+
+    /// The distance within which the sides touch at a contact, in world units: the sum of the thicknesses at its points.
+    #[must_use]
+    pub fn contact_distance_at(&self, contact: &CompactContact) -> f32 {
+        let lack = |side: usize, topology: Option<&Arc<SurfaceTopology>>, triangle: u32, weights: [f32; 2]| {
+            let (Some(list), Some(topology)) = (&self.vertex_thickness[side], topology) else { return 0.0 };
+            list.varying(self.poses[side].scale()).lack_at(topology.triangles()[triangle as usize], weights)
+        };
+        let lack = lack(0, Some(&self.topology_a), contact.triangle_a, contact.barycentric_a)
+            + lack(1, self.topology_b.as_ref(), contact.triangle_b, contact.barycentric_b);
+        (f64::from(self.contact_distance) - lack) as f32
+    }
+
+    /// A distance in world units that the sides are not closer than, up to the contact distance. If no thickness varies, the
+    /// distance of the nearest triangles.
+    pub(crate) fn clearance(&self) -> f64 {
+        let contact_distance = f64::from(self.contact_distance);
+        if self.vertex_thickness.iter().all(Option::is_none) {
+            return self.nearest;
+        }
+        let lack = |side: usize| {
+            let list = self.vertex_thickness[side].as_ref();
+            list.map_or(0.0, |list| f64::from(list.largest - list.least) * self.poses[side].scale())
+        };
+        let apart = contact_distance - lack(0) - lack(1);
+        self.touching.iter().map(|pair| pair.distance).fold(apart.max(0.0), f64::min)
     }
 
     /// What the next tick needs to keep contacts on their sides.

@@ -226,7 +226,7 @@ impl PairFates<'_, '_> {
                     let examine =
                         |a: &SurfaceSide<'_>, b: &SurfaceSide<'_>, pairs: &[[u32; 2]], found: &mut FoundPairs| {
                             if bulge > 0.0 {
-                                test(a, b, pairs, &settings.widened(bulge), found);
+                                test(&a.evenly_thick(), &b.evenly_thick(), pairs, &settings.widened(bulge), found);
                                 refine_pair([a, b], &settings, 1, found);
                             } else {
                                 test(a, b, pairs, &settings, found);

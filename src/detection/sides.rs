@@ -121,6 +121,7 @@ fn surface_side<'a>(
         mirrored: pose.is_mirrored(),
         rows: None,
         curved: state.bounds.curved(),
+        thickness: surface.varying_thickness(),
     }
 }
 

@@ -9,6 +9,7 @@ use super::{
         curved_edges::CurvedEdges,
         feature::{Feature, FeaturePair},
         side::{outward_direction, rise},
+        thickness::VaryingThickness,
         topology::SurfaceTopology,
     },
     pose::Pose,
@@ -32,6 +33,8 @@ pub struct SurfaceSide<'a> {
     pub rows: Option<&'a CornerRows>,
     /// The curved edges of a smooth surface, in its own frame. `None` if it is flat.
     pub curved: Option<&'a CurvedEdges>,
+    /// The thickness at each vertex. `None` if it is the same everywhere.
+    pub thickness: Option<VaryingThickness<'a>>,
 }
 
 /// The transform of a side to the pair's frame. Far from that frame's origin f32 is coarse, so exact tests transform
@@ -60,7 +63,22 @@ impl<'a> SurfaceSide<'a> {
     /// A flat side in its own frame, without an inside.
     #[must_use]
     pub const fn flat(topology: &'a SurfaceTopology, positions: &'a [Vec3]) -> Self {
-        Self { topology, positions, moved: None, one_sided: false, mirrored: false, rows: None, curved: None }
+        Self {
+            topology,
+            positions,
+            moved: None,
+            one_sided: false,
+            mirrored: false,
+            rows: None,
+            curved: None,
+            thickness: None,
+        }
+    }
+
+    /// The side with the largest thickness everywhere.
+    #[must_use]
+    pub const fn evenly_thick(self) -> Self {
+        Self { thickness: None, ..self }
     }
 }
 
@@ -131,6 +149,25 @@ impl SurfaceSide<'_> {
     #[inline]
     pub(crate) fn patch_height(&self, triangle: u32) -> f64 {
         self.curved.map_or(0.0, |curved| f64::from(curved.heights()[triangle as usize]) * self.scale())
+    }
+
+    /// By how much the thickness at each corner of a triangle is less than the surface's largest, in world units.
+    #[inline]
+    pub(in crate::kernel) fn lacks(&self, triangle: u32) -> [f64; 3] {
+        self.thickness.map_or([0.0; 3], |thickness| thickness.lacks(self.topology.triangles()[triangle as usize]))
+    }
+
+    /// What lacks at a point of a triangle, given the weights of its first two corners.
+    #[inline]
+    pub(crate) fn lack_at(&self, triangle: u32, [first, second]: [f32; 2]) -> f64 {
+        let Some(thickness) = self.thickness else { return 0.0 };
+        thickness.lack_at(self.topology.triangles()[triangle as usize], [first, second])
+    }
+
+    /// The least of the [lacks](Self::lacks) of a triangle.
+    #[inline]
+    pub(crate) fn least_lack(&self, triangle: u32) -> f64 {
+        self.lacks(triangle).into_iter().fold(f64::INFINITY, f64::min)
     }
 
     /// The length of a unit of the side's own frame in that of the pair, rounded up.
@@ -280,7 +317,8 @@ pub struct FoundPairs {
     /// The shared contacts of the exact test. After repeats have been dropped, only vertex–face and edge–edge contacts
     /// are listed.
     pub shared: Vec<SharedContact>,
-    /// Distance of the nearest pair in world units, at least 0. Infinite if none is within range.
+    /// Distance of the nearest pair in world units, at least 0. Infinite if none is within range. Where a thickness
+    /// varies, the least sum of a distance and of what [lacks](super::mesh::thickness) there.
     pub nearest: f64,
     /// Number of pairs that reached the exact test.
     pub examined: usize,

@@ -303,7 +303,9 @@ impl Gatherer {
             return false;
         }
         let entries = weighted([corners_a, corners_b], found.barycentrics);
-        let distance = a.thickness + b.thickness;
+        let thicknesses = [a, b].into_iter().zip(found.barycentrics);
+        let distance =
+            thicknesses.map(|(side, weights)| DVec3::from(side.thickness).dot(DVec3::from(weights))).sum::<f64>();
         let features = Features::Plane { particles: entries, offset: -distance };
         let friction = scene.friction(a.entity, b.entity);
         let mut constraint =
@@ -379,7 +381,7 @@ impl Gatherer {
         record: &CompactContact,
         friction: [f64; 2],
     ) -> Option<ContactConstraint> {
-        let distance = f64::from(pair.contact_distance);
+        let distance = f64::from(pair.contact_distance_at(record));
         // The first side is pushed against the normal.
         let normal = -pair.frame_pose.transform_direction(record.normal.as_dvec3()).normalize_or_zero();
         if normal == DVec3::ZERO {
@@ -466,9 +468,9 @@ fn against_shape(
     let mut entries: ArrayVec<(u32, f64), 6> = ArrayVec::new();
     entries.extend(corners.into_iter().zip(weights).filter(|&(_, weight)| weight != 0.0));
     entries.push((place, -1.0));
-    let separation = f64::from(record.distance) - f64::from(pair.contact_distance);
+    let distance = f64::from(pair.contact_distance_at(record));
+    let separation = f64::from(record.distance) - distance;
     let offset = separation - normal.dot(detected_sum(particles, &entries));
     let features = Features::Plane { particles: entries, offset };
-    let distance = f64::from(pair.contact_distance);
     ContactConstraint { parts: features, normal, distance, friction, reaction: NO_REACTION, recovers: false }
 }

@@ -9,8 +9,8 @@ use crate::kernel::mesh::feature::FeaturePair;
 #[derive(Clone, Copy)]
 pub(super) struct MeetingSide {
     pub(super) entity: Entity,
-    /// How far the surface or shape extends beyond the triangle.
-    pub(super) thickness: f64,
+    /// How far the surface or shape extends beyond each corner.
+    pub(super) thickness: [f64; 3],
     pub(super) corners: MeetingCorners,
 }
 

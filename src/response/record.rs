@@ -74,7 +74,7 @@ pub(super) fn untangling(
         None => (shortening(particles, pair, record, [a, b], firsts)?, WAY_OF_EDGE),
     };
     let entries = weighted([a, b], weights_of(record));
-    let distance = f64::from(pair.contact_distance);
+    let distance = f64::from(pair.contact_distance_at(record));
     let offset = -distance * way - normal.dot(detected_sum(particles, &entries));
     let features = Features::Plane { particles: entries, offset };
     Some(ContactConstraint {

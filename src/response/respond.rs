@@ -437,7 +437,7 @@ pub(super) fn write_back(
             log::warn!(
                 "body {entity} moved farther than its thickness, {}, between two detections: add SweptCollision, or it \
                  may pass through things. This warning appears once, for the first such body",
-                surface.thickness
+                surface.least_thickness()
             );
         }
         for (vertex, &weld) in surface.topology.weld().iter().enumerate() {
@@ -461,7 +461,7 @@ pub(super) fn write_back(
 
 /// Whether a vertex of a body has moved farther than the body's thickness since contacts were detected.
 fn is_fast(surface: &ActiveSurface, first: usize, particles: &Particles) -> bool {
-    let most = f64::from(surface.thickness);
+    let most = f64::from(surface.least_thickness());
     let own = first..first + surface.topology.vertex_count();
     let mut ends = particles.start[own.clone()].iter().zip(&particles.position[own]);
     ends.any(|(start, end)| start.distance_squared(*end) > most * most)

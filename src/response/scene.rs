@@ -13,7 +13,7 @@ use super::{
     tethers::XpbdTethers,
 };
 use crate::{
-    contacts::ContactStore,
+    contacts::{ContactStore, StoredPair},
     detection::{SharedList, Threads, moved_box},
     kernel::{contact::TouchingPair, mesh::feature::FeatureKind, pose::Pose},
     settings::CircumsphereSettings,
@@ -90,7 +90,7 @@ impl Scene<'_, '_> {
 
     /// Distance from a surface to the nearest other side in the contact store, at most the contact distance.
     pub(super) fn nearest(&self, entity: Entity) -> Option<f64> {
-        let distances = self.store.pairs_of(entity).map(|pair| pair.nearest.min(f64::from(pair.contact_distance)));
+        let distances = self.store.pairs_of(entity).map(|pair| pair.clearance().min(f64::from(pair.contact_distance)));
         distances.reduce(f64::min)
     }
 
@@ -99,9 +99,9 @@ impl Scene<'_, '_> {
         self.store.pairs.iter().map(|pair| ([pair.a.entity(), pair.b.entity()], &pair.touching))
     }
 
-    /// Distance between two surfaces, if detection stored a pair of them.
+    /// Distance between two surfaces, or less, if detection stored a pair of them.
     pub(super) fn nearest_of(&self, a: Entity, b: Entity) -> Option<f64> {
-        self.store.pairs_between(a, b).next().map(|pair| pair.nearest)
+        self.store.pairs_between(a, b).next().map(StoredPair::clearance)
     }
 
     /// Whether contacts show that a body is inside a solid: they cross, or are deeper than `shallow`.

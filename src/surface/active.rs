@@ -9,10 +9,13 @@ use bevy_ecs::prelude::*;
 use bevy_reflect::prelude::*;
 use glam::Vec3;
 
-use super::components::{ContactMethod, SurfaceLayers, SurfaceShape};
+use super::{
+    components::{ContactMethod, SurfaceLayers, SurfaceShape},
+    vertex_thickness::ThicknessList,
+};
 use crate::kernel::{
     exact::{rest_pairs::RestPairs, rigid_shape::ShapeGeometry},
-    mesh::{bounds::Aabb, topology::SurfaceTopology},
+    mesh::{bounds::Aabb, thickness::VaryingThickness, topology::SurfaceTopology},
     pose::Pose,
 };
 
@@ -46,8 +49,10 @@ pub struct ActiveSurface {
     pub topology: Arc<SurfaceTopology>,
     /// Its pose in the world.
     pub pose: Pose,
-    /// Half the distance at which two such surfaces touch, in world units.
+    /// Half the distance at which two such surfaces touch, in world units. The largest, if it [varies](super::VertexThickness).
     pub thickness: f32,
+    /// The thickness at each vertex, if it varies.
+    pub(crate) vertex_thickness: Option<Arc<ThicknessList>>,
     /// How it is tested.
     pub method: ContactMethod,
     /// Which surfaces and shapes it meets. None if it is [`QueryOnly`](super::QueryOnly).
@@ -101,6 +106,16 @@ impl ActiveSurface {
     /// Whether two surfaces are tested against each other.
     pub(crate) fn meets(&self, other: &Self) -> bool {
         !(self.rigid && other.rigid) && self.layers.interacts_with(other.layers)
+    }
+
+    /// The thickness at its vertices, if it varies.
+    pub(crate) fn varying_thickness(&self) -> Option<VaryingThickness<'_>> {
+        self.vertex_thickness.as_ref().map(|list| list.varying(self.pose.scale()))
+    }
+
+    /// The least thickness of the surface, in world units.
+    pub(crate) fn least_thickness(&self) -> f32 {
+        self.vertex_thickness.as_ref().map_or(self.thickness, |list| list.least * self.pose.scale() as f32)
     }
 
     /// The surface as a side of a contact.

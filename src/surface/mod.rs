@@ -21,6 +21,7 @@ mod spheres;
 mod swept;
 mod tetrahedral_body;
 mod triangle_layers;
+mod vertex_thickness;
 
 pub(crate) use active::SideOrder;
 pub use active::{ActiveShape, ActiveSurface, ActiveSurfaces, ContactSide};
@@ -50,3 +51,5 @@ pub use spheres::{Circumspheres, EnclosingBalls, TriangleCones, TriangleCurvatur
 pub use swept::{PreviousPositions, SweptCollision, SweptTarget};
 pub use tetrahedral_body::TetrahedralBody;
 pub use triangle_layers::TriangleLayers;
+pub(crate) use vertex_thickness::ThicknessList;
+pub use vertex_thickness::VertexThickness;

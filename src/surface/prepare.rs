@@ -27,6 +27,7 @@ use super::{
     rest_contacts::RestContactsIgnored,
     rigid_shape::{PreparedShape, RigidMesh, RigidShape, Solid},
     triangle_layers::TriangleLayers,
+    vertex_thickness::{ThicknessList, VertexThickness},
 };
 use crate::{
     diagnostics::{DetectionDiagnostics, StageWatch},
@@ -99,6 +100,7 @@ struct SurfaceItem {
     event_hold: Option<&'static ContactEventHold>,
     rest_contacts: Option<&'static RestContactsIgnored>,
     triangle_layers: Option<&'static TriangleLayers>,
+    vertex_thickness: Option<&'static VertexThickness>,
 }
 
 fn order(rigid: bool, order: Option<&SurfaceOrder>, registration: Registration, entity: Entity) -> SideOrder {
@@ -205,7 +207,7 @@ fn gather_surfaces(
             SurfaceStatus::Waiting
         } else {
             match validate(&mut item, &transforms) {
-                Ok((pose, thickness)) => {
+                Ok((pose, (thickness, vertex_thickness))) => {
                     let topology = Arc::clone(item.surface.topology());
                     let one_sided = item.sidedness.has_inside(&topology);
                     active.surfaces.push(ActiveSurface {
@@ -213,6 +215,7 @@ fn gather_surfaces(
                         topology,
                         pose,
                         thickness,
+                        vertex_thickness,
                         method: *item.method,
                         layers: contact_layers(*item.layers, item.query_only),
                         query_layers: *item.layers,
@@ -249,7 +252,10 @@ fn contact_layers(layers: SurfaceLayers, query_only: bool) -> SurfaceLayers {
     if query_only { SurfaceLayers { memberships: 0, filters: 0 } } else { layers }
 }
 
-fn validate(item: &mut SurfaceItemItem<'_, '_>, transforms: &Transforms) -> Result<(Pose, f32), QuarantineReason> {
+fn validate(
+    item: &mut SurfaceItemItem<'_, '_>,
+    transforms: &Transforms,
+) -> Result<(Pose, Thickness), QuarantineReason> {
     let (expected, found) = (item.surface.topology().vertex_count(), item.positions.0.len());
     if expected != found {
         return Err(QuarantineReason::PositionCount { expected, found });
@@ -257,18 +263,28 @@ fn validate(item: &mut SurfaceItemItem<'_, '_>, transforms: &Transforms) -> Resu
     let at_most = item.checked.check(&item.positions)?;
     let pose = transforms.pose(item.entity, *item.frame)?;
     check_reach(&item.positions.0, at_most, &pose)?;
-    let thickness = match *item.thickness {
-        SurfaceThickness::World(thickness) => thickness,
-        SurfaceThickness::MeanEdges(edges) => edges * item.surface.mean_edge() * pose.scale() as f32,
-    };
-    if !thickness.is_finite() || thickness < 0.0 {
-        return Err(QuarantineReason::Thickness(thickness));
-    }
+    let thickness = thickness(item, &pose)?;
     check_triangle_layers(item.triangle_layers, item.surface.topology())?;
     if item.rest_contacts.is_some_and(|contacts| !contacts.is_of(item.surface.topology())) {
         return Err(QuarantineReason::RestContacts);
     }
     Ok((pose, thickness))
+}
+
+/// The largest thickness in world units, and the thickness at each vertex if it varies.
+type Thickness = (f32, Option<Arc<ThicknessList>>);
+
+fn thickness(item: &SurfaceItemItem<'_, '_>, pose: &Pose) -> Result<Thickness, QuarantineReason> {
+    let list = item.vertex_thickness.map(|thickness| thickness.checked(item.surface.topology())).transpose()?;
+    let largest = match (&list, *item.thickness) {
+        (Some(list), _) => list.largest * pose.scale() as f32,
+        (None, SurfaceThickness::World(thickness)) => thickness,
+        (None, SurfaceThickness::MeanEdges(edges)) => edges * item.surface.mean_edge() * pose.scale() as f32,
+    };
+    if !largest.is_finite() || largest < 0.0 {
+        return Err(QuarantineReason::Thickness(largest));
+    }
+    Ok((largest, list.filter(|list| list.least < list.largest)))
 }
 
 fn check_triangle_layers(layers: Option<&TriangleLayers>, topology: &SurfaceTopology) -> Result<(), QuarantineReason> {
@@ -406,6 +422,7 @@ fn add_shape(
         topology: Arc::clone(topology),
         pose,
         thickness: 0.0,
+        vertex_thickness: None,
         method: ContactMethod::Exact,
         layers,
         query_layers,

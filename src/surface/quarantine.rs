@@ -24,6 +24,22 @@ pub enum QuarantineReason {
     /// The thickness is negative or not finite.
     #[error("the thickness {0} is negative or not finite")]
     Thickness(f32),
+    /// The number of its [thicknesses](super::VertexThickness) differs from the number of vertices of the mesh.
+    #[error("there is a thickness for {found} vertices, but the mesh has {expected}")]
+    VertexThicknessCount {
+        /// The number of vertices of the mesh.
+        expected: usize,
+        /// The number of thicknesses.
+        found: usize,
+    },
+    /// A [thickness](super::VertexThickness) is negative or not finite.
+    #[error("the thickness {thickness} of vertex {} is negative or not finite", .vertex.0)]
+    VertexThickness {
+        /// The first such vertex.
+        vertex: VertexId,
+        /// Its thickness.
+        thickness: f32,
+    },
     /// Its [`RestContactsIgnored`](super::RestContactsIgnored) was made for another mesh.
     #[error("RestContactsIgnored was made for another mesh than the surface has now: make it again for this one")]
     RestContacts,

@@ -163,6 +163,7 @@ impl Batch {
             mirrored: false,
             rows: None,
             curved: None,
+            thickness: None,
         };
         let candidates: Vec<[u32; 2]> = (0..BATCH as u32).map(|pair| [pair; 2]).collect();
         let mut found = FoundPairs::default();

@@ -48,7 +48,16 @@ fn settings(same_surface: bool, cull: bool) -> PairSettings {
 }
 
 fn side<'a>(topology: &'a SurfaceTopology, positions: &'a [Vec3], one_sided: bool) -> SurfaceSide<'a> {
-    SurfaceSide { topology, positions, moved: None, one_sided, mirrored: false, rows: None, curved: None }
+    SurfaceSide {
+        topology,
+        positions,
+        moved: None,
+        one_sided,
+        mirrored: false,
+        rows: None,
+        curved: None,
+        thickness: None,
+    }
 }
 
 fn all_between(a: usize, b: usize) -> Vec<[u32; 2]> {

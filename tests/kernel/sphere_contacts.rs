@@ -68,6 +68,7 @@ impl Body {
             mirrored: false,
             rows: None,
             curved: None,
+            thickness: None,
         }
     }
 

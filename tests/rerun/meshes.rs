@@ -467,3 +467,20 @@ fn a_half_space_is_a_grid_as_large_as_the_scene_and_under_it() {
         assert!(side > sheet_diagonal && side < 10.0 * sheet_diagonal, "{side} at size {size}");
     }
 }
+
+#[test]
+fn the_thickness_at_each_vertex_is_recorded_when_it_changes() {
+    let mut recorded = Recorded::new(everything());
+    let sheet = spawn(&mut recorded.app, "sheet", &sheet(), Transform::IDENTITY);
+    let count = positions(recorded.app.world(), sheet).len();
+    let shown = |recorded: &mut Recorded| {
+        recorded.tick();
+        recorded.viewer.of(&["meshes", "sheet"]).expect("it is shown").floats("thickness")
+    };
+    let values: Vec<f32> = (0..count).map(|vertex| 0.01 + 0.001 * vertex as f32).collect();
+    recorded.app.world_mut().entity_mut(sheet).insert(VertexThickness::new(values.clone()));
+    assert_eq!(shown(&mut recorded), values);
+    assert_eq!(shown(&mut recorded), values);
+    recorded.app.world_mut().entity_mut(sheet).remove::<VertexThickness>();
+    assert_eq!(shown(&mut recorded), Vec::<f32>::new());
+}

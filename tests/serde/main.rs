@@ -63,6 +63,7 @@ fn settings_come_back() {
 fn components_come_back() {
     comes_back(&SurfaceThickness::World(0.1), &SurfaceThickness::default());
     comes_back(&SurfaceThickness::MeanEdges(0.1), &SurfaceThickness::default());
+    comes_back(&VertexThickness::new([0.1, 0.0, 0.25]), &VertexThickness::new([]));
     comes_back(&SurfaceLayers { memberships: 6, filters: 9 }, &SurfaceLayers::default());
     for method in ContactMethod::ALL {
         let other = if method == ContactMethod::Exact { ContactMethod::Polygon } else { ContactMethod::Exact };

@@ -4,6 +4,8 @@ mod defects;
 mod hollow;
 mod panels;
 mod recordings;
+mod region_tree;
+mod scene;
 mod shells;
 mod truth;
 

@@ -13,7 +13,7 @@ use super::{assert_unchanged, find, truth};
 const PROBES: usize = 10_000;
 
 /// A recording, or `None` if there are none.
-fn recorded(name: &str) -> Option<Mesh> {
+pub fn recorded(name: &str) -> Option<Mesh> {
     let Some(folder) = env::var_os(FOLDER_VARIABLE) else {
         println!("skipped: {FOLDER_VARIABLE} is not set");
         return None;

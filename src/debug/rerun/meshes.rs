@@ -7,13 +7,14 @@ use std::sync::Arc;
 
 use bevy_ecs::entity::EntityHashMap;
 use glam::Vec3;
-use rerun::{AsComponents, EntityPath, LineStrips3D, Mesh3D};
+use rerun::{AnyValues, AsComponents, EntityPath, LineStrips3D, Mesh3D};
 
 use super::{
     colors::{self, Color},
     names::{Names, transform},
     recorder::{Layer, TickWriter, path},
     settings::RerunSettings,
+    values,
 };
 use crate::{
     debug::{
@@ -22,7 +23,7 @@ use crate::{
         wires::wires,
     },
     kernel::{exact::rigid_shape::ShapeGeometry, mesh::topology::SurfaceTopology, pose::Pose},
-    surface::ActiveSurface,
+    surface::{ActiveSurface, ThicknessList},
 };
 
 /// The meshes and shapes that the viewer currently shows.
@@ -43,6 +44,8 @@ struct ShownMesh {
     pose: Pose,
     positions: Vec<Vec3>,
     colors: Vec<Color>,
+    /// The thickness at each vertex, in the unit of the positions, if it varies.
+    thickness: Option<Arc<ThicknessList>>,
 }
 
 struct ShownShape {
@@ -124,6 +127,7 @@ impl ShownMesh {
             pose: surface.pose,
             positions: positions.to_vec(),
             colors: vertices.into_iter().map(|touch| colors::touch(place, touch)).collect(),
+            thickness: surface.vertex_thickness.clone(),
         }
     }
 
@@ -146,16 +150,25 @@ impl ShownMesh {
         let new_positions = new(&|shown| shown.positions == self.positions);
         let new_colors = new(&|shown| shown.colors == self.colors);
         let new_pose = new(&|shown| shown.pose == self.pose);
+        let is_same_list = |shown: &Self| match (&shown.thickness, &self.thickness) {
+            (Some(shown), Some(own)) => Arc::ptr_eq(shown, own),
+            (shown, own) => shown.is_none() && own.is_none(),
+        };
+        // Where there is none any more, an empty list replaces the last one.
+        let new_thickness = shown.as_ref().map_or(self.thickness.is_some(), |shown| !is_same_list(shown));
+        let thickness = self.thickness.as_ref().map_or(&[][..], |list| list.values());
         let (vertices, triangles) = (self.positions.len(), self.topology.triangles());
         let drawn = self.triangles.as_ref().map_or(triangles.len(), Vec::len);
         let bytes = 12 * drawn * usize::from(new_triangles)
             + (12 + 12) * vertices * usize::from(new_positions)
-            + 4 * vertices * usize::from(new_colors);
+            + 4 * vertices * usize::from(new_colors)
+            + 4 * thickness.len() * usize::from(new_thickness);
         let components = 2 * usize::from(new_triangles)
             + 2 * usize::from(new_positions)
             + usize::from(new_colors)
+            + usize::from(new_thickness)
             + 2 * usize::from(new_pose);
-        if !(new_triangles || new_positions || new_colors || new_pose) {
+        if !(new_triangles || new_positions || new_colors || new_pose || new_thickness) {
             return Some(self);
         }
         if !writer.fits(Layer::Meshes, bytes, components) {
@@ -183,8 +196,15 @@ impl ShownMesh {
             mesh = mesh.with_vertex_colors(self.colors.iter().copied());
         }
         let pose = transform(&self.pose);
-        let rows: [&dyn AsComponents; 2] = [&mesh, &pose];
-        writer.row(self.path.clone(), if new_pose { &rows } else { &rows[..1] });
+        let thickness = values::number(AnyValues::default(), "thickness", thickness);
+        let mut rows: Vec<&dyn AsComponents> = vec![&mesh];
+        if new_pose {
+            rows.push(&pose);
+        }
+        if new_thickness {
+            rows.push(&thickness);
+        }
+        writer.row(self.path.clone(), &rows);
         Some(self)
     }
 }

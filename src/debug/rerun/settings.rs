@@ -33,7 +33,7 @@ pub struct RerunSettings {
     /// Without them, two recordings of the same ticks are equal.
     pub times: bool,
     /// Surfaces, colored where they touch. Default `All`. The triangles of a mesh are recorded once, and its positions
-    /// when they change.
+    /// when they change. So is a thickness that varies, as `thickness` of each vertex.
     pub meshes: LevelOfDetail,
     /// Rigid shapes, as wireframes. Default true.
     pub shapes: bool,

@@ -157,7 +157,9 @@ fn test_pair(
             let Some([mut a, mut b]) = surface_sides(active, pair, [own, other]) else { return };
             (a.rows, b.rows) = (own.rows.current(&own.bounds), other.rows.current(&other.bounds));
             let test = if pair.method == ContactMethod::Closest { closest_pairs } else { exact_pairs };
-            let work = |chunk: &[[u32; 2]], found: &mut _| test(&a, &b, chunk, &pair_settings, found);
+            // On patches, thickness counts when contacts have moved there.
+            let [flat_a, flat_b] = if bulge > 0.0 { [a.evenly_thick(), b.evenly_thick()] } else { [a, b] };
+            let work = |chunk: &[[u32; 2]], found: &mut _| test(&flat_a, &flat_b, chunk, &pair_settings, found);
             if can_penetrate([&a, &b], &pair_settings) {
                 // This may drop the contact of one pair of triangles and keep that of another with the same
                 // features, so repeats are dropped afterwards.

@@ -35,17 +35,30 @@ pub(in crate::detection) fn refine_pair(
     reconcile(touching, contacts);
     contacts.retain(|contact| !contact.is_none());
     contacts.extend(inner.iter().flatten());
-    finish(settings, found);
+    finish(sides, settings, found);
 }
 
 /// Drops what is too far away, and restores the order.
-fn finish(settings: &PairSettings, found: &mut FoundPairs) {
+fn finish(sides: [&SurfaceSide<'_>; 2], settings: &PairSettings, found: &mut FoundPairs) {
     // Two sorted lists, one after the other.
     found.contacts.sort_by_key(|contact| (contact.triangles(), contact.key));
-    let of_contacts = found.contacts.iter().map(|contact| f64::from(contact.distance).abs());
-    let nearest = found.touching.iter().map(|pair| pair.distance).chain(of_contacts).fold(f64::INFINITY, f64::min);
+    let [a, b] = sides;
+    let lack = |contact: &CompactContact| {
+        a.lack_at(contact.triangle_a, contact.barycentric_a) + b.lack_at(contact.triangle_b, contact.barycentric_b)
+    };
+    // Where patches are closest is not known here, so that the largest thickness of their corners counts.
+    let reach = |pair: &TouchingPair| pair.distance + a.least_lack(pair.triangle_a) + b.least_lack(pair.triangle_b);
+    if a.thickness.is_some() || b.thickness.is_some() {
+        let is_reported = |contact: &CompactContact| {
+            contact.features.kind() == FeatureKind::EdgeFace
+                || f64::from(contact.distance) + lack(contact) <= settings.reported_distance
+        };
+        found.contacts.retain(is_reported);
+    }
+    let of_contacts = found.contacts.iter().map(|contact| f64::from(contact.distance).abs() + lack(contact));
+    let nearest = found.touching.iter().map(reach).chain(of_contacts).fold(f64::INFINITY, f64::min);
     found.nearest = if nearest <= settings.range { nearest } else { f64::INFINITY };
-    found.touching.retain(|pair: &TouchingPair| pair.distance <= settings.contact_distance);
+    found.touching.retain(|pair: &TouchingPair| reach(pair) <= settings.contact_distance);
     found.list_shared();
 }
 

@@ -230,6 +230,7 @@ fn is_same_surface(surface: &ActiveSurface, last: &ActiveSurface) -> bool {
         && Arc::ptr_eq(&surface.topology, &last.topology)
         && surface.pose.has_bits_of(&last.pose)
         && surface.thickness.to_bits() == last.thickness.to_bits()
+        && is_same_list(surface.vertex_thickness.as_ref(), last.vertex_thickness.as_ref())
         && surface.margin.to_bits() == last.margin.to_bits()
         && surface.own_margin.to_bits() == last.own_margin.to_bits()
         && surface.method == last.method

@@ -25,7 +25,7 @@ pub(super) struct Mover<'a> {
     pub path: Path<'a>,
     /// A world box around its motion and everything within its radius.
     pub world: Aabb,
-    /// Half the distance at which two such surfaces touch, in world units.
+    /// Half the distance at which two such surfaces touch, in world units. The least, if it varies.
     pub thickness: f64,
     /// How far it is solid beyond its triangles, in world units.
     pub radius: f64,
@@ -45,14 +45,14 @@ pub(super) struct Mover<'a> {
 
 impl<'a> Mover<'a> {
     pub fn of_surface(surface: &'a ActiveSurface, path: Path<'a>, version: u64, asks: bool) -> Self {
-        let ActiveSurface { entity, topology, thickness, layers, self_collision, rigid, fresh, .. } = surface;
+        let ActiveSurface { entity, topology, layers, self_collision, rigid, fresh, .. } = surface;
         Self {
             entity: *entity,
             part: None,
             topology,
             path,
             world: if path.is_still() { surface.world_bounds } else { path.world_bounds() },
-            thickness: f64::from(*thickness),
+            thickness: f64::from(surface.least_thickness()),
             radius: 0.0,
             layers: *layers,
             filter: FilterSide::of_surface(surface),

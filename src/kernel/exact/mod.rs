@@ -11,6 +11,7 @@ pub mod rest_pairs;
 pub mod rigid_shape;
 mod screen;
 pub mod stage;
+mod thick_pair;
 mod tolerances;
 pub mod triangle_pair;
 pub mod unique;

@@ -33,6 +33,7 @@ use crate::kernel::{
 mod block;
 mod contacts;
 pub(in crate::kernel) mod reports;
+mod varying;
 
 /// Tests candidate pairs of two surfaces exactly, and appends the results. Neighbors, which share a vertex in a
 /// self-collision, must not be among the candidates: the broad phase leaves them out.
@@ -43,7 +44,9 @@ pub fn exact_pairs(
     settings: &PairSettings,
     found: &mut FoundPairs,
 ) {
-    if settings.cull {
+    if has_varying_thickness(a, b) {
+        varying::examine_pairs(a, b, candidates, settings, found, false);
+    } else if settings.cull {
         examine_pairs(a, b, candidates, settings, found, &EachOnce);
     } else {
         examine_pairs_alone(a, b, candidates, settings, found);
@@ -61,7 +64,15 @@ pub fn closest_pairs(
     settings: &PairSettings,
     found: &mut FoundPairs,
 ) {
-    examine_pairs(a, b, candidates, settings, found, &Closest);
+    if has_varying_thickness(a, b) {
+        varying::examine_pairs(a, b, candidates, settings, found, true);
+    } else {
+        examine_pairs(a, b, candidates, settings, found, &Closest);
+    }
+}
+
+fn has_varying_thickness(a: &SurfaceSide<'_>, b: &SurfaceSide<'_>) -> bool {
+    a.thickness.is_some() || b.thickness.is_some()
 }
 
 /// What pairs report.

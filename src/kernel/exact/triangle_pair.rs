@@ -44,7 +44,7 @@ pub struct Proximity {
 
 impl Proximity {
     /// The same proximity, with the triangles swapped.
-    fn swapped(self) -> Self {
+    pub(super) fn swapped(self) -> Self {
         Self {
             features: self.features.swapped(),
             barycentric_a: self.barycentric_b,

@@ -19,6 +19,7 @@ pub mod side;
 pub mod skinning;
 pub mod smooth_normal;
 pub(in crate::kernel) mod surroundings;
+pub mod thickness;
 pub mod topology;
 pub mod validation;
 #[cfg(feature = "mesh")]

@@ -13,7 +13,7 @@ use super::patch::{Local, Patch, PatchPart};
 use crate::kernel::{
     exact::{
         PairProximity,
-        rigid_shape::{ShapeFoot, ShapeGeometry, ShapeProximity, shape_pairs, test_each},
+        rigid_shape::{Nearness, ShapeFoot, ShapeGeometry, ShapeProximity, shape_pairs, test_each},
     },
     mesh::{barycentric::point_at, feature::Feature},
     pair::{FoundPairs, PairSettings, SurfaceSide},
@@ -37,6 +37,9 @@ const ON_BORDER: f64 = 1.0e-9;
 /// A contact at an edge counts if the patch beside it falls toward the shape by no more than this sine. Otherwise the
 /// patch is closer farther in.
 const FACING: f64 = 0.02;
+
+/// What lacks at the corners of a triangle whose thickness is the same everywhere.
+const EVEN: [f64; 3] = [0.0; 3];
 
 /// The middles of the edges, by weights.
 const MIDDLES: [[f64; 3]; 3] = [[0.5, 0.5, 0.0], [0.0, 0.5, 0.5], [0.5, 0.0, 0.5]];
@@ -73,7 +76,7 @@ impl PatchScratch {
             let closer = closer.and_then(|closer| closer_than(&PatchPart::whole(*patch), shape, closer));
             let Some(start) = closer else { return Some(place.proximity(patch)) };
             let Self { pair, on_tangents, .. } = self;
-            place = Search { patch, shape, scratch: pair, on_tangents }.descend(start);
+            place = Search { patch, shape, lacks: EVEN, scratch: pair, on_tangents }.descend(start);
         }
     }
 
@@ -101,8 +104,8 @@ impl PatchScratch {
         let Self { pair, on_tangents, of_triangle } = self;
         of_triangle.clear();
         shape.examine(&patch.corners, range + patch.height(), pair, of_triangle);
-        let place =
-            (!of_triangle.is_empty()).then(|| Search { patch, shape, scratch: pair, on_tangents }.nearest(of_triangle));
+        let place = (!of_triangle.is_empty())
+            .then(|| Search { patch, shape, lacks: EVEN, scratch: pair, on_tangents }.nearest(of_triangle));
         place.filter(|place| place.foot.distance <= range)
     }
 }
@@ -145,7 +148,7 @@ fn closer_than(part: &PatchPart, shape: &ShapeGeometry, distance: f64) -> Option
     part.halved().iter().find_map(|part| closer_than(part, shape, distance))
 }
 
-/// Like [`shape_pairs`], for the patches of a smooth surface.
+/// Like [`shape_pairs`], for the patches of a smooth surface, and for triangles of different thickness.
 pub fn patch_shape_pairs(
     side: &SurfaceSide<'_>,
     shape: &ShapeGeometry,
@@ -153,7 +156,7 @@ pub fn patch_shape_pairs(
     settings: &PairSettings,
     found: &mut FoundPairs,
 ) {
-    if side.curved.is_none() {
+    if side.curved.is_none() && side.thickness.is_none() {
         return shape_pairs(side, shape, candidates, settings, found);
     }
     let (mut scratch, mut on_tangents) = (PairProximity::default(), Vec::new());
@@ -161,13 +164,34 @@ pub fn patch_shape_pairs(
     test_each(side, candidates, settings, found, |triangle, proximities| {
         let patch = Patch::of(side, triangle);
         let height = side.patch_height(triangle);
-        let flat = shape.examine(&patch.corners, range + height, &mut scratch, proximities);
+        let mut distance = shape.examine(&patch.corners, range + height, &mut scratch, proximities);
         if height > 0.0 && !proximities.is_empty() {
-            refine(&patch, shape, (&mut scratch, &mut on_tangents), proximities)
-        } else {
-            flat
+            distance = refine(&patch, shape, (&mut scratch, &mut on_tangents), proximities);
         }
+        let lacks = side.lacks(triangle).map(|lack| lack / settings.scale);
+        if lacks[0] == lacks[1] && lacks[0] == lacks[2] || proximities.is_empty() {
+            return Nearness { reach: distance + lacks[0], distance };
+        }
+        let search = Search { patch: &patch, shape, lacks, scratch: &mut scratch, on_tangents: &mut on_tangents };
+        Nearness { reach: add_thickest(search, proximities), distance }
     });
+}
+
+/// Adds the place where the distance and what lacks are least together, if it is outside the shape. Returns their sum.
+fn add_thickest(mut search: Search<'_>, proximities: &mut Vec<ShapeProximity>) -> f64 {
+    let nearest = search.nearest(proximities);
+    let lacks = search.lacks;
+    if nearest.foot.distance > 0.0 {
+        let own = nearest.proximity(search.patch);
+        proximities.retain(|other| (other.feature, other.shape_feature) != (own.feature, own.shape_feature));
+        proximities.push(own);
+    }
+    let reaches = proximities.iter().map(|found| found.distance + lack_at(&lacks, &found.barycentric));
+    reaches.fold(nearest.reach, f64::min)
+}
+
+fn lack_at(lacks: &[f64; 3], weights: &[f64; 3]) -> f64 {
+    lacks[0] * weights[0] + lacks[1] * weights[1] + lacks[2] * weights[2]
 }
 
 /// Moves proximities of the flat triangle to its patch, adds the closest place, and returns the distance there.
@@ -177,7 +201,7 @@ fn refine(
     (scratch, on_tangents): (&mut PairProximity, &mut Vec<ShapeProximity>),
     proximities: &mut Vec<ShapeProximity>,
 ) -> f64 {
-    let nearest = Search { patch, shape, scratch, on_tangents }.nearest(proximities);
+    let nearest = Search { patch, shape, lacks: EVEN, scratch, on_tangents }.nearest(proximities);
     let is_apart = nearest.foot.distance > 0.0;
     proximities.retain_mut(|proximity| {
         // Whether surfaces cross is decided by the patch.
@@ -238,12 +262,16 @@ fn faces(patch: &Patch, proximity: &ShapeProximity) -> bool {
 struct Place {
     weights: [f64; 3],
     foot: ShapeFoot,
+    /// The distance, and what lacks there.
+    reach: f64,
 }
 
-/// A search for the place of a patch where the distance is least.
+/// A search for the place of a patch where the distance and what lacks are least together.
 struct Search<'a> {
     patch: &'a Patch,
     shape: &'a ShapeGeometry,
+    /// What lacks at the corners, in the unit of the pair's frame.
+    lacks: [f64; 3],
     scratch: &'a mut PairProximity,
     on_tangents: &'a mut Vec<ShapeProximity>,
 }
@@ -253,12 +281,12 @@ impl Search<'_> {
     fn nearest(&mut self, proximities: &[ShapeProximity]) -> Place {
         let start = closest_of(proximities).map_or([1.0, 0.0, 0.0], |closest| closest.barycentric);
         let mut nearest = self.descend(start);
-        let others = if nearest.model(self.patch).may_have_others() { &MIDDLES[..] } else { &[] };
+        let others = if nearest.model(self).may_have_others() { &MIDDLES[..] } else { &[] };
         // Other parts of a compound may be closer.
         let of_parts = proximities.iter().filter(|_| matches!(self.shape, ShapeGeometry::Compound(_)));
         for start in of_parts.map(|proximity| proximity.barycentric).chain(others.iter().copied()) {
             let other = self.descend(start);
-            if other.foot.distance < nearest.foot.distance {
+            if other.reach < nearest.reach {
                 nearest = other;
             }
         }
@@ -268,7 +296,7 @@ impl Search<'_> {
                 break;
             }
             let other = self.descend(crossing.barycentric);
-            if other.foot.distance < nearest.foot.distance {
+            if other.reach < nearest.reach {
                 nearest = other;
             }
         }
@@ -276,7 +304,8 @@ impl Search<'_> {
     }
 
     fn at(&self, weights: [f64; 3]) -> Place {
-        Place { weights, foot: self.shape.foot(self.patch.point(&weights)) }
+        let foot = self.shape.foot(self.patch.point(&weights));
+        Place { weights, foot, reach: foot.distance + lack_at(&self.lacks, &weights) }
     }
 
     fn after(&self, place: &Place, step: DVec2) -> Place {
@@ -290,12 +319,12 @@ impl Search<'_> {
         let mut place = self.at(start);
         for _ in 0..STEPS {
             // Where the model has nowhere lower to go, neither has the patch.
-            let Some((step, change)) = place.model(self.patch).lowest(&place.weights) else { break };
+            let Some((step, change)) = place.model(self).lowest(&place.weights) else { break };
             if change >= -least_gain {
                 break;
             }
-            let least = place.foot.distance - least_gain;
-            let is_lower = |next: &Place| next.foot.distance < least;
+            let least = place.reach - least_gain;
+            let is_lower = |next: &Place| next.reach < least;
             let next = self.step(&place, step, change).or_else(|| self.step_on_tangents(&place)).filter(is_lower);
             let Some(next) = next else { break };
             place = next;
@@ -306,19 +335,19 @@ impl Search<'_> {
     /// The place after a step to where the model is lowest. `None` if the model is wrong. Inside, where nothing else
     /// helps, a part of the step will do.
     fn step(&self, place: &Place, step: DVec2, change: f64) -> Option<Place> {
-        let distance = place.foot.distance;
         let next = self.after(place, step);
-        if distance - next.foot.distance > -GOOD_GAIN * change {
+        if place.reach - next.reach > -GOOD_GAIN * change {
             return Some(next);
         }
-        if distance > 0.0 { None } else { self.lower(place, step * 0.5) }
+        let has_tangents = place.foot.distance > 0.0 && self.lacks == EVEN;
+        if has_tangents { None } else { self.lower(place, step * 0.5) }
     }
 
     /// The first lower place after a step, or after a half of it, a quarter, and so on.
     fn lower(&self, place: &Place, mut step: DVec2) -> Option<Place> {
         for _ in 0..HALVINGS {
             let next = self.after(place, step);
-            if next.foot.distance < place.foot.distance {
+            if next.reach < place.reach {
                 return Some(next);
             }
             step *= 0.5;
@@ -331,7 +360,7 @@ impl Search<'_> {
     fn step_on_tangents(&mut self, place: &Place) -> Option<Place> {
         let distance = place.foot.distance;
         // Inside, what the test of a triangle reports is not the depth of its points.
-        if distance <= 0.0 {
+        if distance <= 0.0 || self.lacks != EVEN {
             return None;
         }
         let Local { point, tangents: [u, v], .. } = self.patch.local(&place.weights);
@@ -344,7 +373,7 @@ impl Search<'_> {
     }
 }
 
-/// The change of the distance as the weights of the second and the third corner change, to second order.
+/// The change of the reach as the weights of the second and the third corner change, to second order.
 struct Model {
     slope: DVec2,
     /// The second derivatives: twice by the second weight, by both, and twice by the third.
@@ -354,14 +383,14 @@ struct Model {
 }
 
 impl Place {
-    fn model(&self, patch: &Patch) -> Model {
+    fn model(&self, Search { patch, lacks, .. }: &Search<'_>) -> Model {
         let Local { tangents: [u, v], seconds: [uu, uv, vv], .. } = patch.local(&self.weights);
         let ShapeFoot { normal, bends, .. } = self.foot;
         let bend = |one: DVec3, other: DVec3| bends.iter().map(|bend| bend.dot(one) * bend.dot(other)).sum::<f64>();
         let own_bends = [normal.dot(uu), normal.dot(uv), normal.dot(vv)];
         Model {
             own_bends,
-            slope: DVec2::new(normal.dot(u), normal.dot(v)),
+            slope: DVec2::new(normal.dot(u) + lacks[1] - lacks[0], normal.dot(v) + lacks[2] - lacks[0]),
             bends: [own_bends[0] + bend(u, u), own_bends[1] + bend(u, v), own_bends[2] + bend(v, v)],
         }
     }

@@ -16,7 +16,7 @@ use super::{
 };
 use crate::kernel::{
     contact::{CompactContact, FacePlace, TouchingPair},
-    pair::{FoundPairs, PairSettings},
+    pair::{FoundPairs, PairSettings, SurfaceSide},
     simd::{
         lanes::{
             CornerLanes, SetLanes, TrianglePairLanes, VectorLanes, WIDTH, first_lanes, rounded, stored, transposed,
@@ -39,6 +39,8 @@ pub(in crate::kernel) struct FaceContacts<S: Simd> {
     pub(super) gap: f64x8<S>,
     /// Lower bound of the distance of the triangles, as the method knows it. At least 0.
     pub(super) distance: f64x8<S>,
+    /// What the thicknesses of both triangles lack to the largest ones of their surfaces, in world units.
+    pub(super) lack: f64x8<S>,
     /// Where there is a contact.
     pub(super) meet: mask32x8<S>,
 }
@@ -154,7 +156,7 @@ impl<S: Simd> FaceContacts<S> {
     fn distances(&self, simd: S, count: usize, settings: &PairSettings) -> Distances<S> {
         let distance = self.distance * settings.scale;
         let meet = self.meet.to_bitmask() & first_lanes(count);
-        let met = mask64x8::from_bitmask(simd, meet).select(distance, f64x8::splat(simd, f64::INFINITY));
+        let met = mask64x8::from_bitmask(simd, meet).select(distance + self.lack, f64x8::splat(simd, f64::INFINITY));
         Distances {
             // Along the normal the triangles may be farther apart than what counts as the pair's distance.
             gap: (self.gap * settings.scale).min(distance),
@@ -207,6 +209,17 @@ impl ContactSink for FoundPairs {
     }
 }
 
+/// What the thicknesses of eight pairs of triangles lack to the largest ones of their surfaces. A sphere stands for its whole
+/// triangle, so the thickest corner counts.
+#[cfg_attr(not(unoptimized), inline(always))]
+pub(super) fn lack<S: Simd>(simd: S, a: &SurfaceSide<'_>, b: &SurfaceSide<'_>, pairs: &[[u32; 2]]) -> f64x8<S> {
+    if a.thickness.is_none() && b.thickness.is_none() {
+        return f64x8::splat(simd, 0.0);
+    }
+    let of_pair = |[triangle_a, triangle_b]: [u32; 2]| a.least_lack(triangle_a) + b.least_lack(triangle_b);
+    f64x8::from_slice(simd, &std::array::from_fn::<f64, WIDTH, _>(|lane| of_pair(pairs[lane.min(pairs.len() - 1)])))
+}
+
 /// Appends the candidates whose enclosing balls come within range to `overlapping`, and their distances to `found`.
 pub fn overlapping_ball_contacts(
     a: &BallSide<'_>,
@@ -219,19 +232,21 @@ pub fn overlapping_ball_contacts(
     overlapping.reserve(candidates.len());
     found.reserve(candidates.len());
     let limits = Limits::new(settings, a.surface.rounding() + b.surface.rounding());
+    let is_even = a.surface.thickness.is_none() && b.surface.thickness.is_none();
     dispatch!(simd => {
         for (block, pairs) in candidates.chunks(WIDTH).enumerate() {
             ask_ahead(a, b, candidates, block);
             let rows = [a.gather::<0, _>(simd, pairs), b.gather::<1, _>(simd, pairs)];
             let within = balls_within(&rows, pairs, settings);
             ListedPairs::new(simd, pairs).append(simd, within, overlapping);
-            let known = estimate(&rows, within as u32, &limits);
+            let lack = lack(simd, &a.surface, &b.surface, pairs);
+            let known = if is_even { estimate(&rows, within as u32, &limits) } else { None };
             let is_decided = match &known {
                 Some(known) => known.meets || found.nearest == 0.0 || within == 0,
                 None => false,
             };
             if !is_decided {
-                let mut contacts = ball_contacts_in_lanes(simd, &rows);
+                let mut contacts = ball_contacts_in_lanes(simd, &rows, lack);
                 contacts.meet = mask32x8::from_bitmask(simd, within);
                 if known.is_none() {
                     found.push(simd, pairs, contacts, settings);
@@ -263,13 +278,14 @@ pub fn ball_contacts(
         for (block, pairs) in overlapping.chunks(WIDTH).enumerate() {
             ask_ahead(a, b, overlapping, block);
             let rows = [a.gather::<0, _>(simd, pairs), b.gather::<1, _>(simd, pairs)];
-            found.push(simd, pairs, ball_contacts_in_lanes(simd, &rows), settings);
+            let lack = lack(simd, &a.surface, &b.surface, pairs);
+            found.push(simd, pairs, ball_contacts_in_lanes(simd, &rows, lack), settings);
         }
     });
 }
 
 #[cfg_attr(not(unoptimized), inline(always))]
-fn ball_contacts_in_lanes<S: Simd>(simd: S, rows: &[RowLanes<S>; 2]) -> FaceContacts<S> {
+fn ball_contacts_in_lanes<S: Simd>(simd: S, rows: &[RowLanes<S>; 2], lack: f64x8<S>) -> FaceContacts<S> {
     let triangles = TrianglePairLanes {
         a: CornerLanes::new(rows[0].exact_corners()),
         b: CornerLanes::new(rows[1].exact_corners()),
@@ -285,6 +301,7 @@ fn ball_contacts_in_lanes<S: Simd>(simd: S, rows: &[RowLanes<S>; 2]) -> FaceCont
         gap,
         // Candidates extend to the margin. Without it, only those whose boxes overlap would be here.
         distance: gap.max(triangles.box_gap()),
+        lack,
         meet: mask32x8::splat(simd, true),
         triangles,
     }
@@ -363,6 +380,7 @@ fn cap_contacts_in_lanes<S: Simd>(
         normal: contact.direction,
         gap: widened(contact.gap),
         distance,
+        lack: lack(simd, &a.surface, &b.surface, pairs),
         meet,
     }
 }

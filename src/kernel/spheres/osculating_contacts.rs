@@ -8,7 +8,7 @@
 use fearless_simd::{f32x8, mask32x8, prelude::*};
 
 use super::{
-    contacts::{ContactSink, FaceContacts},
+    contacts::{ContactSink, FaceContacts, lack},
     osculating::OsculatingLanes,
     pairs::ListedPairs,
 };
@@ -176,6 +176,7 @@ fn contacts_in_lanes<S: Simd>(
         normal,
         gap,
         distance: gap.max(0.0),
+        lack: lack(simd, &a.surface, &b.surface, pairs),
         meet: mask32x8::from_bitmask(simd, (gap * settings.scale).simd_le(settings.range).to_bitmask()),
         triangles: TrianglePairLanes { a: CornerLanes::new(first), b: CornerLanes::new(second) },
     }

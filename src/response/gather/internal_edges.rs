@@ -59,7 +59,7 @@ impl Gatherer {
         }
         let [first, second] = [0, 1].map(|side| Stand { particles, scene, side: sides[side], pose: &pair.poses[side] });
         let below = |stand, triangle, border, vertex: Option<(DVec3, f32)>| {
-            let depths = [record.distance, DEEP * pair.contact_distance];
+            let depths = [record.distance, DEEP * pair.contact_distance_at(record)];
             self.triangle_below(stand, (triangle, border), vertex?, depths)
         };
         match (record.features.a, record.features.b) {

@@ -54,7 +54,7 @@ impl Watch {
 
     /// Whether a contact may act in the rest of the tick, when `share` of it has passed.
     fn may_act(self, pair: &StoredPair, record: &CompactContact, ways: Ways, share: f64) -> bool {
-        let contact_distance = f64::from(pair.contact_distance);
+        let contact_distance = f64::from(pair.contact_distance_at(record));
         let separation = f64::from(record.distance) - contact_distance - ways.closed(pair, record);
         let left = separation - Self::slack(self.fall, contact_distance, pair.is_smooth);
         left <= HASTE * (1.0 - share) * ways.ahead.length()
@@ -182,7 +182,7 @@ impl Gatherer {
         let squares = (0..solver.particles.len()).map(|particle| moved(particle).length_squared());
         let farthest = squares.fold(0.0, f64::max).sqrt();
         self.add_unwatched(solver, scene, |solver, pair, sides, record| {
-            let left = f64::from(record.distance) - (1.0 - MISSED) * f64::from(pair.contact_distance);
+            let left = f64::from(record.distance) - (1.0 - MISSED) * f64::from(pair.contact_distance_at(record));
             let is_driven = |side: &Side<'_>| match side {
                 Side::Body { .. } => false,
                 Side::Driven { entity, .. } | Side::Shape { entity } => scene.motions.course(*entity).is_some(),

@@ -18,7 +18,7 @@ use crate::{
         particles::Particles,
         scene::Scene,
     },
-    surface::{FilterSide, SurfaceLayers},
+    surface::{FilterSide, SurfaceLayers, ThicknessList},
 };
 
 /// Relative bound on the rounding of positions to f32 between ticks.
@@ -79,8 +79,10 @@ pub(super) struct Mesh {
     pub(super) layers: SurfaceLayers,
     /// What it knows about pairs of triangles that are left out.
     pub(super) filter: FilterSide,
-    /// How far it extends beyond its triangles. Two meshes touch within the sum.
+    /// How far it extends beyond its triangles. Two meshes touch within the sum. The largest, if it varies.
     pub(super) thickness: f64,
+    /// The thickness at each vertex if it varies, and the scale of the pose.
+    pub(super) vertex_thickness: Option<(Arc<ThicknessList>, f64)>,
     /// The solid part of the thickness, which nothing may enter.
     pub(super) radius: f64,
     pub(super) meets_itself: bool,
@@ -131,10 +133,19 @@ impl Mesh {
         self.stale = false;
     }
 
-    /// Sets the reach of every triangle to that of a triangle at `distance` from everything.
+    /// Sets the reach of every triangle to that of a triangle at `distance` from everything, or at twice its thickness if
+    /// that is less.
     pub(super) fn reach_all(&mut self, distance: f64) {
-        self.reaches.clear();
-        self.reaches.resize(self.topology.triangles().len(), SHARE_OF_DISTANCE * distance);
+        let mut reaches = std::mem::take(&mut self.reaches);
+        reaches.clear();
+        reaches.resize(self.topology.triangles().len(), SHARE_OF_DISTANCE * distance);
+        if self.vertex_thickness.is_some() {
+            for (triangle, reach) in (0..).zip(&mut reaches) {
+                let thinnest = self.thickness_at(triangle).into_iter().fold(f64::INFINITY, f64::min);
+                *reach = reach.min(SHARE_OF_DISTANCE * 2.0 * thinnest);
+            }
+        }
+        self.reaches = reaches;
     }
 
     /// Limits the reach of a triangle that is at `distance` from another one.
@@ -193,7 +204,14 @@ impl Mesh {
             let vertices = is_surface.then(|| (triangle, self.topology.vertex_count()));
             MeetingCorners::Driven { starts: of(swept.start), ends: of(swept.end), vertices }
         };
-        MeetingSide { entity: self.name.entity, thickness: self.thickness, corners }
+        MeetingSide { entity: self.name.entity, thickness: self.thickness_at(triangle), corners }
+    }
+
+    /// How far it extends beyond the corners of a triangle.
+    fn thickness_at(&self, triangle: u32) -> [f64; 3] {
+        self.vertex_thickness.as_ref().map_or([self.thickness; 3], |(list, scale)| {
+            list.varying(*scale).at(self.topology.triangles()[triangle as usize])
+        })
     }
 }
 

@@ -257,6 +257,7 @@ impl Guard {
                 layers: surface.layers,
                 filter: FilterSide::of_surface(surface),
                 thickness: f64::from(surface.thickness),
+                vertex_thickness: surface.vertex_thickness.clone().map(|list| (list, surface.pose.scale())),
                 radius: 0.0,
                 meets_itself: surface.self_collision,
                 // Methods that are not exact do not list all touching pairs.
@@ -294,6 +295,7 @@ impl Guard {
             layers: shape.layers,
             filter: FilterSide::of_shape(shape),
             thickness: radius,
+            vertex_thickness: None,
             radius,
             meets_itself: false,
             is_exact: true,
@@ -324,7 +326,7 @@ impl Guard {
     }
 
     /// Sets how far each triangle can move without a collision, from the distances that detection found. Surfaces that
-    /// do not touch are farther apart than the contact distance, which is the sum of both thicknesses. A shape has no
+    /// do not touch are farther apart than the contact distance, which is the sum of both thicknesses there. A shape has no
     /// reach of its own: its distance from a surface is the surface's reach alone.
     fn reach(&mut self, scene: &Scene<'_, '_>) {
         let Self { meshes, by_entity, .. } = self;

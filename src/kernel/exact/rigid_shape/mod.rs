@@ -26,7 +26,10 @@ pub use self::{
     compound::Compound, error::ShapeError, frustum::Frustum, pairs::shape_pairs, polytope::ConvexPolytope,
     sweep::SweepPart,
 };
-pub(in crate::kernel) use self::{foot::ShapeFoot, pairs::test_each};
+pub(in crate::kernel) use self::{
+    foot::ShapeFoot,
+    pairs::{Nearness, test_each},
+};
 use super::triangle_pair::PairProximity;
 use crate::kernel::mesh::{bounds::Aabb, feature::Feature, smooth_normal::NormalCone};
 

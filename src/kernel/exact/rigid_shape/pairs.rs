@@ -19,35 +19,51 @@ pub fn shape_pairs(
     let mut scratch = PairProximity::default();
     test_each(side, candidates, settings, found, |triangle, proximities| {
         let range = settings.range / settings.scale;
-        shape.examine(&side.corners(triangle), range, &mut scratch, proximities)
+        let distance = shape.examine(&side.corners(triangle), range, &mut scratch, proximities);
+        Nearness { reach: distance, distance }
     });
 }
 
+/// How near a triangle is to a shape, in the unit of the pair's frame.
+#[derive(Clone, Copy)]
+pub(in crate::kernel) struct Nearness {
+    /// The least sum of the signed distance of a point and of what lacks there. Without lacks, the signed distance.
+    pub(in crate::kernel) reach: f64,
+    /// The signed distance.
+    pub(in crate::kernel) distance: f64,
+}
+
 /// Tests candidate triangles by a function. Given a triangle and an empty list, it writes the proximities within the
-/// range, and returns the signed distance, in the unit of the pair's frame.
+/// range, and returns how near the triangle is.
 pub(in crate::kernel) fn test_each(
     side: &SurfaceSide<'_>,
     candidates: &[[u32; 2]],
     settings: &PairSettings,
     found: &mut FoundPairs,
-    mut examine: impl FnMut(u32, &mut Vec<ShapeProximity>) -> f64,
+    mut examine: impl FnMut(u32, &mut Vec<ShapeProximity>) -> Nearness,
 ) {
     let mut proximities: Vec<ShapeProximity> = Vec::new();
     let first_contact = found.contacts.len();
     for &[triangle, _] in candidates {
         proximities.clear();
         found.examined += 1;
-        let distance = examine(triangle, &mut proximities) * settings.scale;
-        if distance > settings.range {
+        let nearness = examine(triangle, &mut proximities);
+        let reach = nearness.reach * settings.scale;
+        if reach > settings.range {
             continue;
         }
-        found.nearest = found.nearest.min(distance.max(0.0));
-        if distance <= settings.contact_distance {
-            found.touching.push(TouchingPair { triangle_a: triangle, triangle_b: 0, distance: distance.max(0.0) });
+        found.nearest = found.nearest.min(reach.max(0.0));
+        if reach <= settings.contact_distance {
+            let distance = (nearness.distance * settings.scale).max(0.0);
+            found.touching.push(TouchingPair { triangle_a: triangle, triangle_b: 0, distance });
         }
+        let lacks = side.lacks(triangle);
+        let lack = |[first, second, third]: [f64; 3]| lacks[0] * first + lacks[1] * second + lacks[2] * third;
         let reported = proximities
             .iter()
-            .filter(|proximity| proximity.distance * settings.scale <= settings.reported_distance)
+            .filter(|proximity| {
+                proximity.distance * settings.scale + lack(proximity.barycentric) <= settings.reported_distance
+            })
             .map(|proximity| CompactContact::with_shape(side, triangle, proximity, settings.scale));
         found.contacts.extend(reported);
     }
