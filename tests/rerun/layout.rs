@@ -4,7 +4,10 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use bevy_circumsphere::prelude::*;
 use circumsphere_support::scenes::Mesh;
-use glam::{Mat4, Vec3};
+use glam::{
+    Vec3,
+    camera::rh::{proj::directx, view},
+};
 use rerun::{
     external::arrow::array::{Array, BooleanArray},
     log::LogMsg,
@@ -157,8 +160,8 @@ fn the_eye_sees_the_whole_scene_and_is_not_farther_away_than_it_must_be() {
         let eye = layout.iter().find(|row| row.path.last().is_some_and(|part| part == "EyeControls3D"));
         let at = |name| Vec3::from(eye.expect("there is an eye").components.vectors::<3>(name)[0]);
         let (position, target) = (at("EyeControls3D:position"), at("EyeControls3D:look_target"));
-        let view = Mat4::look_at_rh(position, target, Vec3::Y);
-        let seen = Mat4::perspective_rh(55.0_f32.to_radians(), 1.5, 1.0e-3, 1.0e4) * view;
+        let view = view::look_at_mat4(position, target, Vec3::Y);
+        let seen = directx::perspective(55.0_f32.to_radians(), 1.5, 1.0e-3, 1.0e4) * view;
         let corners = (0..8_u32).map(|corner| {
             let sign = |axis: u32| if corner >> axis & 1 == 0 { -1.0 } else { 1.0 };
             seen.project_point3(place + size * Vec3::new(sign(0), sign(1), sign(2)))
