@@ -471,7 +471,7 @@ fn a_half_space_is_a_grid_as_large_as_the_scene_and_under_it() {
 #[test]
 fn the_thickness_at_each_vertex_is_recorded_when_it_changes() {
     let mut recorded = Recorded::new(everything());
-    let sheet = spawn(&mut recorded.app, "sheet", &sheet(), Transform::IDENTITY);
+    let sheet = spawn(&mut recorded.app, "sheet", &sheet(3), Transform::IDENTITY);
     let count = positions(recorded.app.world(), sheet).len();
     let shown = |recorded: &mut Recorded| {
         recorded.tick();
