@@ -43,7 +43,7 @@ impl FuzzedSurface {
 
     pub fn side(&self, one_sided: bool, mirrored: bool) -> SurfaceSide<'_> {
         let Self { topology, positions } = self;
-        SurfaceSide { topology, positions, moved: None, one_sided, mirrored, rows: None, curved: None, thickness: None }
+        SurfaceSide { one_sided, mirrored, ..SurfaceSide::flat(topology, positions) }
     }
 
     pub fn corners(&self, triangle: u32) -> [Vec3; 3] {

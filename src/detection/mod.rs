@@ -34,6 +34,8 @@ pub(crate) use pairs::surfaces_with_method;
 pub use pairs::{CandidateTrianglePairs, Frame, OtherSide, SurfacePair};
 pub(crate) use parallel::Threads;
 pub(crate) use reuse::DetectionMemory;
+#[cfg(feature = "rerun")]
+pub(crate) use reuse::is_same_list;
 pub use reuse::near_lists::KeptPairs;
 pub(crate) use sides::is_one_sided;
 pub(crate) use spheres::lists::FoundBySpheres;

@@ -75,6 +75,12 @@ impl<'a> SurfaceSide<'a> {
         }
     }
 
+    /// Whether the thickness is the same everywhere.
+    #[inline]
+    pub(crate) const fn is_evenly_thick(&self) -> bool {
+        self.thickness.is_none()
+    }
+
     /// The side with the largest thickness everywhere.
     #[must_use]
     pub const fn evenly_thick(self) -> Self {

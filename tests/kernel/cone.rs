@@ -30,16 +30,7 @@ use crate::{
 const REACH: f32 = 0.05;
 
 fn side<'a>(topology: &'a SurfaceTopology, positions: &'a [Vec3]) -> SurfaceSide<'a> {
-    SurfaceSide {
-        topology,
-        positions,
-        moved: None,
-        one_sided: true,
-        mirrored: false,
-        rows: None,
-        curved: None,
-        thickness: None,
-    }
+    SurfaceSide { one_sided: true, ..SurfaceSide::flat(topology, positions) }
 }
 
 fn settings(reach: f32, same_surface: bool) -> PairSettings {

@@ -155,16 +155,7 @@ impl Batch {
             same_surface: false,
             any_left_out: false,
         };
-        let side = |positions| SurfaceSide {
-            topology,
-            positions,
-            moved: None,
-            one_sided: false,
-            mirrored: false,
-            rows: None,
-            curved: None,
-            thickness: None,
-        };
+        let side = |positions| SurfaceSide::flat(topology, positions);
         let candidates: Vec<[u32; 2]> = (0..BATCH as u32).map(|pair| [pair; 2]).collect();
         let mut found = FoundPairs::default();
         test(&side(&self.positions[0]), &side(&self.positions[1]), &candidates, &settings, &mut found);

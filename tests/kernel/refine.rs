@@ -48,16 +48,7 @@ fn settings(same_surface: bool, cull: bool) -> PairSettings {
 }
 
 fn side<'a>(topology: &'a SurfaceTopology, positions: &'a [Vec3], one_sided: bool) -> SurfaceSide<'a> {
-    SurfaceSide {
-        topology,
-        positions,
-        moved: None,
-        one_sided,
-        mirrored: false,
-        rows: None,
-        curved: None,
-        thickness: None,
-    }
+    SurfaceSide { one_sided, ..SurfaceSide::flat(topology, positions) }
 }
 
 fn all_between(a: usize, b: usize) -> Vec<[u32; 2]> {

@@ -60,16 +60,7 @@ impl Body {
     }
 
     fn surface(&self, one_sided: bool) -> SurfaceSide<'_> {
-        SurfaceSide {
-            topology: &self.topology,
-            positions: &self.positions,
-            moved: None,
-            one_sided,
-            mirrored: false,
-            rows: None,
-            curved: None,
-            thickness: None,
-        }
+        SurfaceSide { one_sided, ..SurfaceSide::flat(&self.topology, &self.positions) }
     }
 
     fn cap_side(&self, one_sided: bool) -> CapSide<'_> {

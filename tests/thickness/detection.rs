@@ -6,13 +6,16 @@ use bevy_app::prelude::*;
 use bevy_circumsphere::prelude::*;
 use bevy_ecs::system::RunSystemOnce;
 use bevy_transform::components::Transform;
-use circumsphere_support::scenes::{Diagonals, grid, icosphere, triangle_soup};
+use circumsphere_support::{
+    random::Random,
+    scenes::{Diagonals, grid, icosphere, triangle_soup},
+};
 use circumsphere_truth::triangles_cross;
 use glam::{DVec3, Quat, Vec3};
 
 use super::{
     truth::{Bounds, Thick, least},
-    world::{Body, EXACT_METHODS, Random, app, apps, store},
+    world::{Body, EXACT_METHODS, app, apps, store, vector},
 };
 
 /// f32 positions, thicknesses, and distances of sizes up to 2 round by this much.
@@ -57,10 +60,10 @@ fn found_by(app: &App) -> Pairs {
 
 /// Two soups of triangles that are as long as thick, in poses of their own.
 fn soups(seed: u64) -> [Body; 2] {
-    let mut random = Random(seed);
+    let mut random = Random::new(seed);
     [0, 1].map(|number| {
-        let transform = Transform::from_translation(random.vector(0.1))
-            .with_rotation(Quat::from_scaled_axis(random.vector(2.0)))
+        let transform = Transform::from_translation(vector(&mut random, 0.1))
+            .with_rotation(Quat::from_scaled_axis(vector(&mut random, 2.0)))
             .with_scale(Vec3::splat([1.0, 0.7][number]));
         Body::random(triangle_soup(150, seed + number as u64), 0.12, transform, &mut random)
     })
@@ -99,14 +102,14 @@ fn triangles_touch_where_the_hulls_of_their_balls_meet_with_every_broad_phase() 
 #[test]
 fn a_surface_touches_itself_where_the_hulls_of_its_balls_meet() {
     for seed in [4, 5] {
-        let mut random = Random(seed);
+        let mut random = Random::new(seed);
         let sheet = grid(10, 10, 1.0, 1.0, Diagonals::Uniform);
         let mut body = Body::random(sheet, 0.05, Transform::IDENTITY, &mut random);
         // Folded over, and crumpled.
         for position in &mut body.mesh.positions {
             let [x, y, z] = *position;
             let bend = if x > 0.0 { [-x, 0.06, z] } else { [x, y, z] };
-            *position = (Vec3::from_array(bend) + random.vector(0.02)).to_array();
+            *position = (Vec3::from_array(bend) + vector(&mut random, 0.02)).to_array();
         }
         let thick = body.thick();
         let triangles = &body.mesh.triangles;

@@ -2,12 +2,15 @@
 
 use bevy_circumsphere::prelude::*;
 use bevy_transform::components::Transform;
-use circumsphere_support::scenes::{Mesh, triangle_soup};
+use circumsphere_support::{
+    random::Random,
+    scenes::{Mesh, triangle_soup},
+};
 use glam::{DVec3, Quat};
 
 use super::{
     truth::{Thick, least},
-    world::{Body, Random, app, store},
+    world::{Body, app, store, vector},
 };
 
 const ROUNDING: f64 = 2.0e-6;
@@ -40,9 +43,9 @@ fn seen_from(body: &Body, pose: &Transform) -> Vec<Thick> {
 fn triangles_touch_rigid_shapes_where_their_balls_do() {
     let mut counts = [0; 2];
     for (seed, (name, shape, parts)) in (20..).zip(shapes()) {
-        let mut random = Random(seed);
+        let mut random = Random::new(seed);
         let body = Body::random(triangle_soup(250, seed), 0.3, Transform::IDENTITY, &mut random);
-        let pose = Transform::from_xyz(0.4, 0.5, 0.45).with_rotation(Quat::from_scaled_axis(random.vector(2.0)));
+        let pose = Transform::from_xyz(0.4, 0.5, 0.45).with_rotation(Quat::from_scaled_axis(vector(&mut random, 2.0)));
         let mut app = app();
         body.spawn(&mut app, ());
         app.world_mut().spawn((RigidShape(shape), pose));

@@ -11,7 +11,7 @@ use bevy_circumsphere::{
 };
 use bevy_ecs::prelude::*;
 use bevy_transform::components::Transform;
-use circumsphere_support::scenes::Mesh;
+use circumsphere_support::{random::Random, scenes::Mesh};
 use glam::Vec3;
 
 use super::truth::Thick;
@@ -51,7 +51,7 @@ pub struct Body {
 impl Body {
     /// Its thickness is drawn between 0 and a largest one.
     pub fn random(mesh: Mesh, largest: f32, transform: Transform, random: &mut Random) -> Self {
-        let thickness = mesh.positions.iter().map(|_| random.next() as f32 * largest).collect();
+        let thickness = mesh.positions.iter().map(|_| random.unit() as f32 * largest).collect();
         Self { mesh, thickness, transform }
     }
 
@@ -84,16 +84,7 @@ pub fn store(app: &App) -> &ContactStore {
     app.world().resource::<ContactStore>()
 }
 
-/// Numbers from 0 to 1, the same on every machine (Knuth's multiplier).
-pub struct Random(pub u64);
-
-impl Random {
-    pub fn next(&mut self) -> f64 {
-        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        (self.0 >> 11) as f64 / (1_u64 << 53) as f64
-    }
-
-    pub fn vector(&mut self, size: f32) -> Vec3 {
-        Vec3::from_array([0; 3].map(|_| (2.0 * self.next() as f32 - 1.0) * size))
-    }
+/// A vector whose coordinates are no larger than a size.
+pub fn vector(random: &mut Random, size: f32) -> Vec3 {
+    Vec3::from_array([0; 3].map(|_| random.signed_unit() * size))
 }

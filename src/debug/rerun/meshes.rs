@@ -22,6 +22,7 @@ use crate::{
         tick::{Detected, Scene, Touch, Touches},
         wires::wires,
     },
+    detection::is_same_list,
     kernel::{exact::rigid_shape::ShapeGeometry, mesh::topology::SurfaceTopology, pose::Pose},
     surface::{ActiveSurface, ThicknessList},
 };
@@ -150,12 +151,9 @@ impl ShownMesh {
         let new_positions = new(&|shown| shown.positions == self.positions);
         let new_colors = new(&|shown| shown.colors == self.colors);
         let new_pose = new(&|shown| shown.pose == self.pose);
-        let is_same_list = |shown: &Self| match (&shown.thickness, &self.thickness) {
-            (Some(shown), Some(own)) => Arc::ptr_eq(shown, own),
-            (shown, own) => shown.is_none() && own.is_none(),
-        };
+        let is_same = |shown: &Self| is_same_list(shown.thickness.as_ref(), self.thickness.as_ref());
         // Where there is none any more, an empty list replaces the last one.
-        let new_thickness = shown.as_ref().map_or(self.thickness.is_some(), |shown| !is_same_list(shown));
+        let new_thickness = shown.as_ref().map_or(self.thickness.is_some(), |shown| !is_same(shown));
         let thickness = self.thickness.as_ref().map_or(&[][..], |list| list.values());
         let (vertices, triangles) = (self.positions.len(), self.topology.triangles());
         let drawn = self.triangles.as_ref().map_or(triangles.len(), Vec::len);

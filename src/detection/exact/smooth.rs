@@ -48,7 +48,7 @@ fn finish(sides: [&SurfaceSide<'_>; 2], settings: &PairSettings, found: &mut Fou
     };
     // Where patches are closest is not known here, so that the largest thickness of their corners counts.
     let reach = |pair: &TouchingPair| pair.distance + a.least_lack(pair.triangle_a) + b.least_lack(pair.triangle_b);
-    if a.thickness.is_some() || b.thickness.is_some() {
+    if !(a.is_evenly_thick() && b.is_evenly_thick()) {
         let is_reported = |contact: &CompactContact| {
             contact.features.kind() == FeatureKind::EdgeFace
                 || f64::from(contact.distance) + lack(contact) <= settings.reported_distance

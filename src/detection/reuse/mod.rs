@@ -245,7 +245,7 @@ fn is_same_surface(surface: &ActiveSurface, last: &ActiveSurface) -> bool {
 }
 
 /// Whether two lists that may be shared are the same one.
-fn is_same_list<T: ?Sized>(list: Option<&Arc<T>>, last: Option<&Arc<T>>) -> bool {
+pub(crate) fn is_same_list<T: ?Sized>(list: Option<&Arc<T>>, last: Option<&Arc<T>>) -> bool {
     match (list, last) {
         (Some(list), Some(last)) => Arc::ptr_eq(list, last),
         (None, None) => true,

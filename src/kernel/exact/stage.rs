@@ -44,7 +44,7 @@ pub fn exact_pairs(
     settings: &PairSettings,
     found: &mut FoundPairs,
 ) {
-    if has_varying_thickness(a, b) {
+    if !(a.is_evenly_thick() && b.is_evenly_thick()) {
         varying::examine_pairs(a, b, candidates, settings, found, false);
     } else if settings.cull {
         examine_pairs(a, b, candidates, settings, found, &EachOnce);
@@ -64,15 +64,11 @@ pub fn closest_pairs(
     settings: &PairSettings,
     found: &mut FoundPairs,
 ) {
-    if has_varying_thickness(a, b) {
-        varying::examine_pairs(a, b, candidates, settings, found, true);
-    } else {
+    if a.is_evenly_thick() && b.is_evenly_thick() {
         examine_pairs(a, b, candidates, settings, found, &Closest);
+    } else {
+        varying::examine_pairs(a, b, candidates, settings, found, true);
     }
-}
-
-fn has_varying_thickness(a: &SurfaceSide<'_>, b: &SurfaceSide<'_>) -> bool {
-    a.thickness.is_some() || b.thickness.is_some()
 }
 
 /// What pairs report.

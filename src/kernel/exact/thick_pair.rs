@@ -17,6 +17,7 @@ use super::{
 use crate::kernel::mesh::{
     barycentric::{corner_weights, edge_weights, normalized, point_at},
     feature::{Feature, FeatureKind, FeaturePair},
+    thickness::lack_at,
 };
 
 /// Distances that exceed the range by less than this share may do so by rounding.
@@ -41,10 +42,6 @@ impl Thick {
 
     fn is_even(&self) -> bool {
         self.lacks[0] == self.lacks[1] && self.lacks[0] == self.lacks[2]
-    }
-
-    fn lack(&self, weights: &[f64; 3]) -> f64 {
-        (0..3).map(|corner| self.lacks[corner] * weights[corner]).sum()
     }
 }
 
@@ -149,7 +146,7 @@ struct Found {
 impl Found {
     fn new(a: &Thick, b: &Thick, features: FeaturePair, weights: [[f64; 3]; 2]) -> Self {
         let separation = point_at(&a.corners, &weights[0]) - point_at(&b.corners, &weights[1]);
-        let reach = separation.length() + a.lack(&weights[0]) + b.lack(&weights[1]);
+        let reach = separation.length() + lack_at(&a.lacks, &weights[0]) + lack_at(&b.lacks, &weights[1]);
         Self { features, weights, separation, reach }
     }
 }

@@ -6,6 +6,12 @@
 //! at a point is less than that, so points touch if their distance and both lacks together are at most the contact distance.
 //! Where the thickness is the same everywhere, nothing lacks.
 
+/// What lacks at a point of a triangle, given what lacks at its corners, and the point's weights.
+#[inline]
+pub(in crate::kernel) fn lack_at(lacks: &[f64; 3], weights: &[f64; 3]) -> f64 {
+    lacks[0] * weights[0] + lacks[1] * weights[1] + lacks[2] * weights[2]
+}
+
 /// The thickness at each vertex of a surface, and how it compares with the largest.
 #[derive(Clone, Copy, Debug)]
 pub struct VaryingThickness<'a> {
@@ -32,8 +38,7 @@ impl VaryingThickness<'_> {
     #[must_use]
     pub fn lack_at(&self, vertices: [u32; 3], [first, second]: [f32; 2]) -> f64 {
         let [first, second] = [f64::from(first), f64::from(second)];
-        let lacks = self.lacks(vertices);
-        lacks[0] * first + lacks[1] * second + lacks[2] * (1.0 - first - second)
+        lack_at(&self.lacks(vertices), &[first, second, 1.0 - first - second])
     }
 
     /// The thickness at some vertices, in world units.

@@ -15,7 +15,7 @@ use crate::kernel::{
         PairProximity,
         rigid_shape::{Nearness, ShapeFoot, ShapeGeometry, ShapeProximity, shape_pairs, test_each},
     },
-    mesh::{barycentric::point_at, feature::Feature},
+    mesh::{barycentric::point_at, feature::Feature, thickness::lack_at},
     pair::{FoundPairs, PairSettings, SurfaceSide},
 };
 
@@ -156,7 +156,7 @@ pub fn patch_shape_pairs(
     settings: &PairSettings,
     found: &mut FoundPairs,
 ) {
-    if side.curved.is_none() && side.thickness.is_none() {
+    if side.curved.is_none() && side.is_evenly_thick() {
         return shape_pairs(side, shape, candidates, settings, found);
     }
     let (mut scratch, mut on_tangents) = (PairProximity::default(), Vec::new());
@@ -188,10 +188,6 @@ fn add_thickest(mut search: Search<'_>, proximities: &mut Vec<ShapeProximity>) -
     }
     let reaches = proximities.iter().map(|found| found.distance + lack_at(&lacks, &found.barycentric));
     reaches.fold(nearest.reach, f64::min)
-}
-
-fn lack_at(lacks: &[f64; 3], weights: &[f64; 3]) -> f64 {
-    lacks[0] * weights[0] + lacks[1] * weights[1] + lacks[2] * weights[2]
 }
 
 /// Moves proximities of the flat triangle to its patch, adds the closest place, and returns the distance there.

@@ -213,7 +213,7 @@ impl ContactSink for FoundPairs {
 /// triangle, so the thickest corner counts.
 #[cfg_attr(not(unoptimized), inline(always))]
 pub(super) fn lack<S: Simd>(simd: S, a: &SurfaceSide<'_>, b: &SurfaceSide<'_>, pairs: &[[u32; 2]]) -> f64x8<S> {
-    if a.thickness.is_none() && b.thickness.is_none() {
+    if a.is_evenly_thick() && b.is_evenly_thick() {
         return f64x8::splat(simd, 0.0);
     }
     let of_pair = |[triangle_a, triangle_b]: [u32; 2]| a.least_lack(triangle_a) + b.least_lack(triangle_b);
@@ -232,7 +232,7 @@ pub fn overlapping_ball_contacts(
     overlapping.reserve(candidates.len());
     found.reserve(candidates.len());
     let limits = Limits::new(settings, a.surface.rounding() + b.surface.rounding());
-    let is_even = a.surface.thickness.is_none() && b.surface.thickness.is_none();
+    let is_even = a.surface.is_evenly_thick() && b.surface.is_evenly_thick();
     dispatch!(simd => {
         for (block, pairs) in candidates.chunks(WIDTH).enumerate() {
             ask_ahead(a, b, candidates, block);

@@ -387,11 +387,11 @@ impl Guard {
         for _ in 0..PROJECTIONS {
             let Self { meshes, found, planes, changed, solved, .. } = self;
             for (pair, found) in &*found {
-                planes.add(particles, meshes, pair, found, duration);
+                planes.add(particles, solved, meshes, pair, found, duration);
             }
             changed.clear();
             changed.resize(particles.len(), false);
-            planes.project(particles, solved, changed);
+            planes.project(particles, changed);
             self.follow(particles);
             self.find_again(particles, scene, gatherer);
             if self.found.is_empty() {

@@ -32,11 +32,8 @@ struct Plane {
     least: f64,
     /// Lower bound of `normal · Σ weight velocity`.
     least_velocity: f64,
-    /// Highest speed of the kinematic vertices in the impact, and their longest way.
+    /// Highest speed of the kinematic vertices in the impact.
     driven_speed: f64,
-    driven_way: f64,
-    /// How far apart the features are kept.
-    separation: f64,
     /// What [`mobility`] gives for its particles.
     mobility: f64,
     tolerance: f64,
@@ -57,7 +54,11 @@ fn mobility(particles: &Particles, entries: &[(u32, f64)]) -> f64 {
 /// The planes of all rounds of one part of a tick.
 #[derive(Default)]
 pub(super) struct Planes {
-    planes: Vec<Plane>,
+    all: Vec<Plane>,
+    /// The longest way of anything in the impacts before they were resolved.
+    longest_way: f64,
+    /// The largest separation that is kept, without its solid part.
+    widest: f64,
 }
 
 impl Plane {
@@ -75,13 +76,16 @@ impl Plane {
 
 impl Planes {
     pub(super) fn clear(&mut self) {
-        self.planes.clear();
+        self.all.clear();
+        (self.longest_way, self.widest) = (0.0, 0.0);
     }
 
-    /// Adds the plane of an impact, in a part of the tick that lasts `duration` seconds.
+    /// Adds the plane of an impact, in a part of the tick that lasts `duration` seconds. `solved` are the positions before
+    /// any projection.
     pub(super) fn add(
         &mut self,
         particles: &Particles,
+        solved: &[DVec3],
         meshes: &[Mesh],
         pair: &MeshPair,
         found: &PairImpact,
@@ -112,14 +116,18 @@ impl Planes {
         let mobility = mobility(particles, &entries);
         if mobility > 0.0 {
             let kept = pair.separation - pair.radius;
-            self.planes.push(Plane {
+            let own = entries.iter().map(|&(particle, _)| {
+                let particle = particle as usize;
+                solved[particle].distance(particles.start[particle])
+            });
+            self.longest_way = own.fold(self.longest_way.max(fastest), f64::max);
+            self.widest = self.widest.max(kept);
+            self.all.push(Plane {
                 entries,
                 normal,
                 least: pair.separation + 2.0 * GOOD * kept - normal.dot(ahead),
                 least_velocity: -normal.dot(moved) / duration,
                 driven_speed: fastest / duration,
-                driven_way: fastest,
-                separation: kept,
                 mobility,
                 tolerance: GOOD * kept,
                 multiplier: 0.0,
@@ -130,12 +138,12 @@ impl Planes {
     /// Moves particles beyond all planes, as far as there is room, and marks the particles that have moved. None ends
     /// up farther from its start than anything in the impacts would have moved by itself. Otherwise a wedge that closes,
     /// or two objects with the cloth between them, would squeeze vertices out to any distance.
-    pub(super) fn project(&mut self, particles: &mut Particles, solved: &[DVec3], changed: &mut [bool]) {
-        let longest = self.longest_way(particles, solved);
+    pub(super) fn project(&mut self, particles: &mut Particles, changed: &mut [bool]) {
+        let longest = self.longest_way + self.widest;
         let Particles { position, inverse_mass, start, .. } = particles;
         for _ in 0..MOST_SWEEPS {
             let mut is_good = true;
-            for plane in &mut self.planes {
+            for plane in &mut self.all {
                 let missing = plane.least - plane.sum(position);
                 let before = plane.multiplier;
                 plane.multiplier = (before + missing / plane.mobility).max(0.0);
@@ -150,23 +158,10 @@ impl Planes {
                 break;
             }
         }
-        for &(particle, _) in self.planes.iter().flat_map(|plane| &plane.entries) {
+        for &(particle, _) in self.all.iter().flat_map(|plane| &plane.entries) {
             let particle = particle as usize;
             position[particle] = start[particle] + (position[particle] - start[particle]).clamp_length_max(longest);
         }
-    }
-
-    /// The longest way of anything in the impacts before they were resolved, and the largest separation.
-    fn longest_way(&self, particles: &Particles, solved: &[DVec3]) -> f64 {
-        let ways = self.planes.iter().flat_map(|plane| {
-            let own = plane.entries.iter().map(|&(particle, _)| {
-                let particle = particle as usize;
-                solved[particle].distance(particles.start[particle])
-            });
-            own.chain([plane.driven_way])
-        });
-        let separation = self.planes.iter().map(|plane| plane.separation).fold(0.0, f64::max);
-        ways.fold(0.0, f64::max) + separation
     }
 
     /// Removes the velocity with which particles would continue through the planes that have pushed them. No particle
@@ -174,7 +169,7 @@ impl Planes {
     /// speed.
     pub(super) fn settle_velocities(&self, particles: &mut Particles) {
         let Particles { velocity, inverse_mass, .. } = particles;
-        let pressing: Vec<&Plane> = self.planes.iter().filter(|plane| plane.multiplier > 0.0).collect();
+        let pressing: Vec<&Plane> = self.all.iter().filter(|plane| plane.multiplier > 0.0).collect();
         let speeds = |plane: &&Plane| {
             let own = plane.entries.iter().map(|&(particle, _)| velocity[particle as usize].length());
             own.fold(plane.driven_speed, f64::max)
@@ -225,8 +220,6 @@ mod tests {
             least,
             least_velocity: least,
             driven_speed: least.abs(),
-            driven_way: least.abs(),
-            separation: 0.0,
             mobility: mobility(particles, entries),
             tolerance: 1.0e-12,
             multiplier: 0.0,
@@ -234,10 +227,14 @@ mod tests {
     }
 
     fn projected(mut particles: Particles, planes: Vec<Plane>) -> Particles {
-        let mut planes = Planes { planes };
+        let ways = planes.iter().flat_map(|plane| {
+            let own = plane.entries.iter().map(|&(particle, _)| particles.position[particle as usize].length());
+            own.chain([plane.least.abs()])
+        });
+        let mut planes = Planes { longest_way: ways.fold(0.0, f64::max), all: planes, ..Planes::default() };
         let mut changed = vec![false; particles.len()];
         let before = particles.position.clone();
-        planes.project(&mut particles, &before, &mut changed);
+        planes.project(&mut particles, &mut changed);
         planes.settle_velocities(&mut particles);
         for (place, is_changed) in changed.into_iter().enumerate() {
             assert!(is_changed || particles.position[place] == before[place], "{place}");

@@ -4,6 +4,7 @@ use super::{ShapeGeometry, ShapeProximity};
 use crate::kernel::{
     contact::{CompactContact, TouchingPair},
     exact::triangle_pair::PairProximity,
+    mesh::thickness::lack_at,
     pair::{FoundPairs, PairSettings, SurfaceSide},
 };
 
@@ -58,11 +59,11 @@ pub(in crate::kernel) fn test_each(
             found.touching.push(TouchingPair { triangle_a: triangle, triangle_b: 0, distance });
         }
         let lacks = side.lacks(triangle);
-        let lack = |[first, second, third]: [f64; 3]| lacks[0] * first + lacks[1] * second + lacks[2] * third;
         let reported = proximities
             .iter()
             .filter(|proximity| {
-                proximity.distance * settings.scale + lack(proximity.barycentric) <= settings.reported_distance
+                proximity.distance * settings.scale + lack_at(&lacks, &proximity.barycentric)
+                    <= settings.reported_distance
             })
             .map(|proximity| CompactContact::with_shape(side, triangle, proximity, settings.scale));
         found.contacts.extend(reported);
