@@ -143,7 +143,7 @@ impl SweptPositions {
 
     pub fn mesh<'a>(&'a self, topology: &'a SurfaceTopology, reach: f64) -> SweptMesh<'a> {
         let start = if self.start.is_empty() { &self.end } else { &self.start };
-        SweptMesh { topology, start, end: &self.end, reach }
+        SweptMesh { topology, start, end: &self.end, drift: DVec3::ZERO, reach }
     }
 
     /// Updates the boxes, if necessary.

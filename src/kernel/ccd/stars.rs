@@ -43,9 +43,9 @@ struct Outer<Vector> {
 }
 
 impl PlainStars {
-    /// Tests the stars of all vertices around which at least one triangle is fast. Features in a plain star that share no
+    /// Tests the stars of all vertices around which at least one triangle is asked about. Features in a plain star that share no
     /// vertex stay farther than `separation` apart.
-    pub(super) fn find(&mut self, mesh: &SweptMesh<'_>, separation: f64, is_fast: impl Fn(u32) -> bool) {
+    pub(super) fn find(&mut self, mesh: &SweptMesh<'_>, separation: f64, is_asked: impl Fn(u32) -> bool) {
         let topology = mesh.topology;
         let (fans, corners) = (topology.fans(), topology.welded_triangles());
         self.is_plain.clear();
@@ -61,7 +61,7 @@ impl PlainStars {
             // The fans of a vertex follow one another. Those of several sheets are not seen from one direction.
             let is_only = last != Some(vertex) && (fan + 1 == fans.len() || vertex_of(fan + 1) != vertex);
             last = Some(vertex);
-            if is_only && slots[range.clone()].iter().any(|slot| is_fast(slot.triangle)) {
+            if is_only && slots[range.clone()].iter().any(|slot| is_asked(slot.triangle)) {
                 self.is_plain[vertex as usize] =
                     self.gather(mesh, fans, range, is_closed) && self.is_plain(is_closed, separation);
             }
@@ -184,14 +184,26 @@ mod tests {
 
         fn is_plain(&self, separation: f64) -> bool {
             let mut stars = PlainStars::default();
-            let mesh = SweptMesh { topology: &self.topology, start: &self.start, end: &self.end, reach: 0.0 };
+            let mesh = SweptMesh {
+                topology: &self.topology,
+                start: &self.start,
+                end: &self.end,
+                drift: DVec3::ZERO,
+                reach: 0.0,
+            };
             stars.find(&mesh, separation, |_| true);
             stars.is_plain[0]
         }
 
         /// Whether a pair of its triangles meets, each pair tested by its features.
         fn meets_itself(&self, separation: f64) -> bool {
-            let mesh = SweptMesh { topology: &self.topology, start: &self.start, end: &self.end, reach: 0.0 };
+            let mesh = SweptMesh {
+                topology: &self.topology,
+                start: &self.start,
+                end: &self.end,
+                drift: DVec3::ZERO,
+                reach: 0.0,
+            };
             let corners = self.topology.welded_triangles();
             let pairs = (0..corners.len()).flat_map(|b| (0..b).map(move |a| [a, b]));
             pairs.into_iter().any(|[a, b]| {

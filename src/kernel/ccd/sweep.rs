@@ -11,7 +11,7 @@ use glam::DVec3;
 use super::{
     pair_list::{MovingSide, PairImpact, first_impacts},
     stars::PlainStars,
-    sweep_tree::{SweepTree, rounded_up},
+    sweep_tree::{SweepTree, moved_along, rounded_up},
     triangle_pair::MovingTriangle,
 };
 use crate::kernel::{
@@ -27,8 +27,7 @@ pub const SWEEP_PART: usize = 4;
 
 /// A mesh whose vertices move in straight lines from the start of a step to its end.
 ///
-/// All positions of one sweep are in one frame, the same for both meshes and for both ends. A frame that moves with the
-/// meshes, see [`drift`], removes most of a fast common motion.
+/// All positions of one sweep are in one frame, the same for both meshes and for both ends.
 #[derive(Clone, Copy, Debug)]
 pub struct SweptMesh<'a> {
     /// Its triangles.
@@ -37,8 +36,11 @@ pub struct SweptMesh<'a> {
     pub start: &'a [DVec3],
     /// Its vertices at the end of the step. May be the same slice, if the mesh is at rest.
     pub end: &'a [DVec3],
-    /// A triangle is fast if one of its vertices moves farther than this. 0 or more, and infinite if no triangle is
-    /// fast.
+    /// A common motion of its vertices, such as [`drift`] or zero. Boxes are those in a frame that moves by it, so that they
+    /// become smaller and fewer triangles are fast. Impacts are the same with any.
+    pub drift: DVec3,
+    /// A triangle is fast if one of its vertices moves farther than this, in the frame in which a pair of meshes is swept:
+    /// that of the larger one's drift. 0 or more, and infinite if no triangle is fast.
     ///
     /// Pairs in which neither triangle is fast are not tested. If such a pair passes through each other, the triangles
     /// are within the sum of both reaches at the start and at the end of the step, because one can move no farther than
@@ -63,8 +65,8 @@ impl SweptMesh<'_> {
 /// The common motion of the vertices: their mean motion. Zero if there are no vertices, if a motion is not finite, and
 /// if the vertices would move no less without it, as when most of them rest while some move.
 ///
-/// Adding it to the start positions of all meshes of a sweep removes that motion. Paths stay straight and impacts stay
-/// the same, boxes become smaller, and fewer triangles are fast.
+/// In a frame that moves by it, paths stay straight and impacts stay the same, boxes become smaller, and fewer triangles
+/// are fast.
 #[must_use]
 pub fn drift(start: &[DVec3], end: &[DVec3]) -> DVec3 {
     let motions = || start.iter().zip(end).map(|(start, end)| *end - *start);
@@ -119,9 +121,20 @@ impl Sweep<'_> {
         self.same_surface || size(self.b.1) >= size(self.a.1)
     }
 
-    /// The side that is cut into leaves, and the side whose tree is queried.
+    /// The side that is cut into leaves, and the side whose tree is queried. The pair is swept in the frame of the latter.
     fn sides(&self) -> [&SweepTree; 2] {
         if self.asks_second() { [self.a.1, self.b.1] } else { [self.b.1, self.a.1] }
+    }
+
+    /// How the frame of the pair moves relative to that of the side that is cut into leaves.
+    fn turn_to_other(&self) -> DVec3 {
+        let [own, other] = self.sides();
+        other.drift() - own.drift()
+    }
+
+    /// Whether a triangle of a surface that is swept against itself is in the leaves. Of every pair, at least one is.
+    fn is_in_leaves(tree: &SweepTree, triangle: u32) -> bool {
+        if tree.is_all_asked() { tree.is_fast(triangle, 0.0) } else { tree.is_asked(triangle) }
     }
 
     /// Finds the triangles of one side that may meet the other side.
@@ -134,26 +147,28 @@ impl Sweep<'_> {
         }
         leaves.items.clear();
         let [own, other] = self.sides();
-        if own.fast_count() + other.fast_count() > 0 {
-            let growth = rounded_up(self.separation);
-            let mut add = |triangle: u32| {
-                let is_fast = own.is_fast(triangle);
-                let bounds = own.boxes()[triangle as usize].grown(growth);
-                let reach = if is_fast { other.bounds() } else { other.fast_bounds() };
-                // Every pair of one surface has a fast triangle in the leaves.
-                if is_fast || !self.same_surface && bounds.overlaps(reach) {
-                    leaves.items.push((triangle, bounds));
-                }
+        let (growth, way) = (rounded_up(self.separation), self.turn_to_other());
+        let farther = way.length();
+        let mut add = |triangle: u32| {
+            let bounds = moved_along(&own.boxes()[triangle as usize], way).grown(growth);
+            let is_needed = if self.same_surface {
+                Self::is_in_leaves(own, triangle)
+            } else {
+                bounds.overlaps(if own.is_fast(triangle, farther) { other.bounds() } else { other.fast_bounds() })
+                    && (own.is_asked(triangle) || bounds.overlaps(other.asked_bounds()))
             };
-            // In the order of the tree, the triangles of a leaf are near each other.
-            match own.tree() {
-                Some(tree) => (0..tree.leaf_count()).flat_map(|leaf| tree.leaf_items(leaf)).for_each(|&item| add(item)),
-                None => (0..own.boxes().len() as u32).for_each(add),
+            if is_needed {
+                leaves.items.push((triangle, bounds));
             }
+        };
+        // In the order of the tree, the triangles of a leaf are near each other.
+        match own.tree() {
+            Some(tree) => (0..tree.leaf_count()).flat_map(|leaf| tree.leaf_items(leaf)).for_each(|&item| add(item)),
+            None => (0..own.boxes().len() as u32).for_each(add),
         }
         leaves.leaves.collect_leaves(&leaves.items);
         if self.same_surface && !leaves.items.is_empty() {
-            leaves.stars.find(&self.a.0, self.separation, |triangle| own.is_fast(triangle));
+            leaves.stars.find(&self.a.0, self.separation, |triangle| Self::is_in_leaves(own, triangle));
         }
     }
 
@@ -170,29 +185,32 @@ impl Sweep<'_> {
     ) -> usize {
         candidates.clear();
         let [own, other] = self.sides();
+        let way = self.turn_to_other();
         if let Some(tree) = other.tree() {
             leaves.leaves.pairs_of(part, tree, None, candidates);
         } else {
             let growth = rounded_up(self.separation);
             let items: Vec<u32> = part.flat_map(|leaf| leaves.leaves.leaf_items(leaf)).copied().collect();
-            let boxes: Vec<Aabb> = items.iter().map(|&item| own.boxes()[item as usize].grown(growth)).collect();
+            let grown = |&item: &u32| moved_along(&own.boxes()[item as usize], way).grown(growth);
+            let boxes: Vec<Aabb> = items.iter().map(grown).collect();
             pairs_between_brute_force(&boxes, other.boxes(), candidates);
             for pair in &mut *candidates {
                 pair[0] = items[pair[0] as usize];
             }
         }
-        let asks_second = self.asks_second();
+        let (asks_second, farther) = (self.asks_second(), way.length());
         candidates.retain_mut(|pair| {
             let [first, second] = *pair;
             if self.same_surface {
-                // If both are fast, both are in the leaves.
                 *pair = [first.min(second), first.max(second)];
-                return first < second || first > second && !other.is_fast(second);
-            }
-            if !asks_second {
+                if first == second || first > second && Self::is_in_leaves(other, second) {
+                    return false;
+                }
+            } else if !asks_second {
                 *pair = [second, first];
             }
-            own.is_fast(first) || other.is_fast(second)
+            (own.is_fast(first, farther) || other.is_fast(second, 0.0))
+                && (own.is_asked(first) || other.is_asked(second))
         });
         let count = candidates.len();
         candidates.retain(|pair| self.may_meet(*pair, &leaves.stars));
@@ -252,7 +270,7 @@ pub struct SweepBuffers {
 /// let topology = SurfaceTopology::new(&corners, &[[0, 1, 2]])?;
 /// let floor = corners.map(Vec3::as_dvec3);
 /// let [above, below] = [1.0, -3.0].map(|height| floor.map(|corner| corner + DVec3::Z * height));
-/// let resting = SweptMesh { topology: &topology, start: &floor, end: &floor, reach: 0.01 };
+/// let resting = SweptMesh { topology: &topology, start: &floor, end: &floor, drift: DVec3::ZERO, reach: 0.01 };
 /// let falling = SweptMesh { start: &above, end: &below, ..resting };
 /// let mut trees = [SweepTree::default(), SweepTree::default()];
 /// trees[0].update(&resting);

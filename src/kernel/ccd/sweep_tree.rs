@@ -2,8 +2,11 @@
 //!
 //! The broad phase of continuous detection: [`sweep`](super::sweep()) tests the boxes of one mesh against those of
 //! another. Only the larger of two meshes needs the tree. A mesh at rest keeps its boxes and its tree.
+//!
+//! Boxes are those in a frame that moves with the mesh, by its [drift](SweptMesh::drift). In such a frame, what moves as a
+//! whole is at rest, and its boxes are as small as its triangles.
 
-use glam::{DVec3, Vec3};
+use glam::{DVec3, Vec3, Vec3A};
 
 use super::sweep::SweptMesh;
 use crate::kernel::{bvh::tree::BoxTree, mesh::bounds::Aabb};
@@ -22,25 +25,64 @@ pub enum TreeWork {
     Built,
 }
 
-/// The box that each triangle of a mesh sweeps in a step, which of them are fast, and a tree over the boxes.
+/// The box that each triangle of a mesh sweeps in a step, how far it moves, and a tree over the boxes.
 ///
 /// Create it with `default`, then [update](Self::update) it whenever an end of the step changes. Its memory is kept.
 #[derive(Clone, Debug, Default)]
 pub struct SweepTree {
+    drift: DVec3,
     boxes: Vec<Aabb>,
-    fast: Vec<bool>,
-    /// The reach of each triangle. Empty unless reaches bound the distances of triangles.
-    reaches: Vec<f64>,
+    /// How far each triangle moves relative to the drift. NaN if a coordinate is not finite.
+    ways: Vec<f64>,
+    reaches: Reaches,
+    /// Whether each triangle is asked about.
+    asked: Vec<bool>,
     fast_count: usize,
+    asked_count: usize,
     bounds: Aabb,
     fast_bounds: Aabb,
+    asked_bounds: Aabb,
     tree: BoxTree,
     /// Whether the tree is fitted to the current boxes.
     has_tree: bool,
+    /// What each vertex sweeps. Only used while boxes are updated.
+    vertices: Vec<SweptVertex>,
+}
+
+/// How far a triangle may move without being fast.
+#[derive(Clone, Debug)]
+enum Reaches {
+    /// The same for all.
+    One(f64),
+    /// For each triangle. Bounds distances, too.
+    Each(Vec<f64>),
+}
+
+impl Default for Reaches {
+    fn default() -> Self {
+        Self::One(0.0)
+    }
+}
+
+/// What a vertex sweeps relative to the drift of its mesh: a box that is rounded outward, and the square of its way.
+#[derive(Clone, Copy, Debug)]
+struct SweptVertex {
+    low: Vec3A,
+    high: Vec3A,
+    /// NaN if a coordinate is not finite.
+    squared: f64,
+}
+
+impl SweptVertex {
+    fn new(start: DVec3, end: DVec3) -> Self {
+        let bounds = outward_box([start, end]);
+        let squared = if start.is_finite() && end.is_finite() { (end - start).length_squared() } else { f64::NAN };
+        Self { low: bounds.min.into(), high: bounds.max.into(), squared }
+    }
 }
 
 impl SweepTree {
-    /// Updates the boxes, and which triangles are fast, in one pass over the triangles. Does not change the tree:
+    /// Updates the boxes, and which triangles are fast. All triangles are asked about. Does not change the tree:
     /// [`update_tree`](Self::update_tree) does.
     ///
     /// Boxes are rounded outward. A triangle with a coordinate that is not finite has no box, and meets nothing.
@@ -48,8 +90,9 @@ impl SweepTree {
     /// # Panics
     /// If the mesh has fewer positions than its triangles name.
     pub fn update(&mut self, mesh: &SweptMesh<'_>) {
-        self.reaches.clear();
-        self.update_boxes(mesh, |_| mesh.reach);
+        self.reaches = Reaches::One(mesh.reach);
+        self.update_boxes(mesh);
+        self.ask_all();
     }
 
     /// Like [`update`](Self::update), with a reach for each triangle instead of the mesh's. These also bound distances:
@@ -63,61 +106,75 @@ impl SweepTree {
     /// # Panics
     /// If the mesh has fewer positions than its triangles name, or the numbers of reaches and triangles differ.
     pub fn update_with_reaches(&mut self, mesh: &SweptMesh<'_>, reaches: &[f64]) {
-        self.update_boxes(mesh, |triangle| reaches[triangle]);
+        self.update_boxes(mesh);
         self.update_reaches(reaches);
     }
 
-    /// Updates the reaches alone, for a mesh that is still at rest: none of its triangles is fast.
+    /// Updates the reaches alone, for a mesh that moves as it did. All triangles are asked about.
     ///
     /// # Panics
     /// If the numbers of reaches and triangles differ.
     pub fn update_reaches(&mut self, reaches: &[f64]) {
         assert_eq!(self.boxes.len(), reaches.len(), "every triangle has a reach");
-        self.reaches.clear();
-        self.reaches.extend_from_slice(reaches);
-    }
-
-    fn update_boxes(&mut self, mesh: &SweptMesh<'_>, reach: impl Fn(usize) -> f64) {
-        let count = mesh.topology.triangles().len();
-        self.has_tree &= self.boxes.len() == count;
-        self.boxes.resize(count, Aabb::EMPTY);
-        self.fast.clear();
-        [self.bounds, self.fast_bounds] = [Aabb::EMPTY; 2];
-        for (triangle, kept) in self.boxes.iter_mut().enumerate() {
-            let corners = mesh.triangle(triangle as u32);
-            let all = corners.start.iter().chain(&corners.end);
-            let is_finite = all.clone().all(|corner| corner.is_finite());
-            let bounds = if is_finite { outward_box(all.copied()) } else { Aabb::EMPTY };
-            self.has_tree &= bounds == *kept;
-            *kept = bounds;
-            self.bounds = self.bounds.union(&bounds);
-            let is_fast = is_finite && corners.way() > reach(triangle);
-            self.fast.push(is_fast);
-            if is_fast {
-                self.fast_bounds = self.fast_bounds.union(&bounds);
-            }
+        match &mut self.reaches {
+            Reaches::Each(own) => own.clear(),
+            own @ Reaches::One(_) => *own = Reaches::Each(Vec::new()),
         }
-        self.fast_count = self.fast.iter().filter(|&&is_fast| is_fast).count();
+        if let Reaches::Each(own) = &mut self.reaches {
+            own.extend_from_slice(reaches);
+        }
+        self.ask_all();
     }
 
-    /// A fast triangle stays fast only if `is_requested` is true for it. Pairs of the others must already be known.
-    pub fn keep_fast(&mut self, is_requested: impl Fn(usize) -> bool) {
-        self.fast_bounds = Aabb::EMPTY;
-        self.fast_count = 0;
-        for (triangle, fast) in self.fast.iter_mut().enumerate() {
-            *fast &= is_requested(triangle);
-            if *fast {
+    fn update_boxes(&mut self, mesh: &SweptMesh<'_>) {
+        let Self { drift, boxes, ways, bounds, vertices, has_tree, .. } = self;
+        *drift = mesh.drift;
+        vertices.clear();
+        let ends = mesh.start.iter().zip(mesh.end);
+        vertices.extend(ends.map(|(&start, &end)| SweptVertex::new(start + mesh.drift, end)));
+        let triangles = mesh.topology.triangles();
+        *has_tree &= boxes.len() == triangles.len();
+        boxes.resize(triangles.len(), Aabb::EMPTY);
+        ways.clear();
+        *bounds = Aabb::EMPTY;
+        for (corners, kept) in triangles.iter().zip(boxes) {
+            let [a, b, c] = corners.map(|corner| &vertices[corner as usize]);
+            let is_finite = !(a.squared + b.squared + c.squared).is_nan();
+            let swept = if is_finite {
+                Aabb { min: a.low.min(b.low).min(c.low).into(), max: a.high.max(b.high).max(c.high).into() }
+            } else {
+                Aabb::EMPTY
+            };
+            *has_tree &= swept == *kept;
+            *kept = swept;
+            *bounds = bounds.union(&swept);
+            ways.push(if is_finite { a.squared.max(b.squared).max(c.squared).sqrt() } else { f64::NAN });
+        }
+    }
+
+    fn ask_all(&mut self) {
+        self.asked.clear();
+        self.asked.resize(self.boxes.len(), true);
+        (self.asked_count, self.asked_bounds) = (self.boxes.len(), self.bounds);
+        (self.fast_count, self.fast_bounds) = (0, Aabb::EMPTY);
+        for triangle in 0..self.boxes.len() {
+            if self.is_fast(triangle as u32, 0.0) {
                 self.fast_count += 1;
                 self.fast_bounds = self.fast_bounds.union(&self.boxes[triangle]);
             }
         }
     }
 
-    /// Treats no triangle as fast from now on. Pairs of fast triangles must already be known.
-    pub fn forget_fast(&mut self) {
-        self.fast.fill(false);
-        self.fast_bounds = Aabb::EMPTY;
-        self.fast_count = 0;
+    /// Asks only about triangles for which `is_asked` is true. Pairs of two others must already be known.
+    pub fn ask_only(&mut self, is_asked: impl Fn(usize) -> bool) {
+        (self.asked_count, self.asked_bounds) = (0, Aabb::EMPTY);
+        for (triangle, asked) in self.asked.iter_mut().enumerate() {
+            *asked = is_asked(triangle);
+            if *asked {
+                self.asked_count += 1;
+                self.asked_bounds = self.asked_bounds.union(&self.boxes[triangle]);
+            }
+        }
     }
 
     /// Updates the tree to the boxes. Keeps it if none has changed, refits it otherwise, and builds it if there is none
@@ -137,19 +194,36 @@ impl SweepTree {
         TreeWork::Built
     }
 
-    /// The number of fast triangles.
+    /// The number of triangles that are fast in the frame of the boxes.
     #[must_use]
     pub fn fast_count(&self) -> usize {
         self.fast_count
     }
 
-    /// The box around everything that the mesh sweeps.
+    /// The number of triangles that are asked about.
     #[must_use]
-    pub fn bounds(&self) -> &Aabb {
+    pub fn asked_count(&self) -> usize {
+        self.asked_count
+    }
+
+    /// The motion of the frame of the boxes.
+    #[must_use]
+    pub fn drift(&self) -> DVec3 {
+        self.drift
+    }
+
+    /// The box around everything that the mesh sweeps, in the frame of the boxes.
+    pub(super) fn bounds(&self) -> &Aabb {
         &self.bounds
     }
 
-    /// The box that each triangle sweeps.
+    /// A box around everything that the mesh sweeps, in the frame of its positions.
+    #[must_use]
+    pub fn bounds_at_rest(&self) -> Aabb {
+        moved_along(&self.bounds, -self.drift)
+    }
+
+    /// The box that each triangle sweeps, in the frame that moves with the drift.
     #[must_use]
     pub fn boxes(&self) -> &[Aabb] {
         &self.boxes
@@ -160,21 +234,52 @@ impl SweepTree {
         self.has_tree.then_some(&self.tree)
     }
 
-    /// Whether a triangle is fast.
+    /// Whether a triangle is fast, in a frame that moves by `farther` relative to that of the boxes.
     #[must_use]
-    pub fn is_fast(&self, triangle: u32) -> bool {
-        self.fast[triangle as usize]
+    pub fn is_fast(&self, triangle: u32, farther: f64) -> bool {
+        let triangle = triangle as usize;
+        let reach = match &self.reaches {
+            Reaches::One(reach) => *reach,
+            Reaches::Each(reaches) => reaches[triangle],
+        };
+        self.ways[triangle] + farther > reach
+    }
+
+    pub(super) fn is_asked(&self, triangle: u32) -> bool {
+        self.asked[triangle as usize]
+    }
+
+    pub(super) fn is_all_asked(&self) -> bool {
+        self.asked_count == self.asked.len()
     }
 
     /// The reach of a triangle, if reaches bound the distances of triangles.
     pub(super) fn known_reach(&self, triangle: u32) -> Option<f64> {
-        self.reaches.get(triangle as usize).copied()
+        match &self.reaches {
+            Reaches::One(_) => None,
+            Reaches::Each(reaches) => reaches.get(triangle as usize).copied(),
+        }
     }
 
-    /// The box around everything that fast triangles sweep.
+    /// The box around everything that fast triangles sweep, in the frame of the boxes.
     pub(super) fn fast_bounds(&self) -> &Aabb {
         &self.fast_bounds
     }
+
+    /// The box around everything that triangles sweep that are asked about, in the frame of the boxes.
+    pub(super) fn asked_bounds(&self) -> &Aabb {
+        &self.asked_bounds
+    }
+}
+
+/// What a box sweeps that begins farther on by `way`, or ends there: a box in a frame that moves by `way` relative to the
+/// one in which it was computed.
+pub(super) fn moved_along(bounds: &Aabb, way: DVec3) -> Aabb {
+    if way == DVec3::ZERO {
+        return *bounds;
+    }
+    let (min, max) = (bounds.min.as_dvec3(), bounds.max.as_dvec3());
+    if bounds.min.cmpgt(bounds.max).any() { Aabb::EMPTY } else { outward_box([min, min + way, max, max + way]) }
 }
 
 /// The smallest f32 box around some finite points.

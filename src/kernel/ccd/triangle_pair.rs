@@ -31,11 +31,6 @@ impl MovingTriangle {
     pub(super) fn motions(&self) -> [DVec3; 3] {
         std::array::from_fn(|corner| self.end[corner] - self.start[corner])
     }
-
-    /// How far the fastest corner moves.
-    pub(super) fn way(&self) -> f64 {
-        self.motions().iter().map(|motion| motion.length_squared()).fold(0.0, f64::max).sqrt()
-    }
 }
 
 /// Which corners of two triangles are one vertex. Features that share a vertex are never tested.

@@ -7,7 +7,7 @@ use glam::{DMat3, DVec3, Vec3};
 
 use crate::{
     kernel::{
-        ccd::{SweepTree, SweptMesh},
+        ccd::{SweepTree, SweptMesh, drift},
         exact::rigid_shape::{ShapeGeometry, boundary_triangle},
         mesh::{feature::Feature, topology::SurfaceTopology},
         pose::Pose,
@@ -121,13 +121,14 @@ impl Mesh {
             }
             None => (&self.obstacle.start[..], &self.obstacle.end[..]),
         };
-        SweptMesh { topology: &self.topology, start, end, reach: 0.0 }
+        SweptMesh { topology: &self.topology, start, end, drift: DVec3::ZERO, reach: 0.0 }
     }
 
     /// Updates the tree to the trajectories.
     pub(super) fn follow_ways(&mut self, particles: &Particles) {
         let mut tree = std::mem::take(&mut self.tree);
-        tree.update_with_reaches(&self.swept(particles), &self.reaches);
+        let swept = self.swept(particles);
+        tree.update_with_reaches(&SweptMesh { drift: drift(swept.start, swept.end), ..swept }, &self.reaches);
         tree.update_tree();
         self.tree = tree;
         self.stale = false;

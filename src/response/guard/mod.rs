@@ -357,7 +357,7 @@ impl Guard {
     fn pair_meshes(&mut self, scene: &Scene<'_, '_>) {
         let Self { meshes, pairs, bounds, tree, places, .. } = self;
         bounds.clear();
-        bounds.extend(meshes.iter().map(|mesh| mesh.tree.bounds().grown(mesh.thickness as f32)));
+        bounds.extend(meshes.iter().map(|mesh| mesh.tree.bounds_at_rest().grown(mesh.thickness as f32)));
         tree.rebuild(bounds);
         places.clear();
         tree.self_pairs(places);
@@ -368,8 +368,10 @@ impl Guard {
             let places = pair.map(|place| place as usize);
             let [mesh, other] = places.map(|place| &meshes[place]);
             let may_meet = pair[0] == pair[1] || mesh.layers.interacts_with(other.layers);
-            let is_any_fast = mesh.tree.fast_count() + other.tree.fast_count() > 0;
-            if may_meet && is_any_fast && (mesh.is_guarded || other.is_guarded) {
+            let trees = [&mesh.tree, &other.tree];
+            let is_any_fast = mesh.tree.drift() != other.tree.drift() || trees.iter().any(|tree| tree.fast_count() > 0);
+            let is_any_asked = trees.iter().any(|tree| tree.asked_count() > 0);
+            if may_meet && is_any_fast && is_any_asked && (mesh.is_guarded || other.is_guarded) {
                 pairs.push(MeshPair::new(scene, places, mesh, other));
             }
         }
@@ -470,7 +472,7 @@ impl Guard {
         for mesh in meshes {
             let Some(first) = mesh.first else {
                 mesh.stale = false;
-                mesh.tree.forget_fast();
+                mesh.tree.ask_only(|_| false);
                 continue;
             };
             for (vertex, &weld) in mesh.topology.weld().iter().enumerate() {
@@ -486,7 +488,7 @@ impl Guard {
             // Unchanged triangles have been tested already.
             let is_changed = |corners: &[u32; 3]| corners.iter().any(|&corner| changed[first + corner as usize]);
             let triangles = mesh.topology.welded_triangles();
-            mesh.tree.keep_fast(|triangle| is_changed(&triangles[triangle]));
+            mesh.tree.ask_only(|triangle| is_changed(&triangles[triangle]));
         }
     }
 }
