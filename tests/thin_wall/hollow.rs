@@ -141,3 +141,13 @@ fn bent_boxes_become_sheets() {
     assert!(walls.abstracted_area >= 0.999 * walls.area_before, "{:?}", walls.left_out);
     assert!(deviation.over_thickness <= 0.05, "{deviation:?}");
 }
+
+#[test]
+fn a_body_that_is_inside_out_has_the_same_walls() {
+    for body in [vase(), bent_box()] {
+        let [(walls, deviation), (turned, turned_deviation)] = [find(&body), find(&inside_out(body.clone()))];
+        assert!(!walls.regions.is_empty() && turned.regions.len() == walls.regions.len());
+        assert!((turned.abstracted_area - walls.abstracted_area).abs() <= 1e-3 * walls.area_before);
+        assert!((turned_deviation.over_thickness - deviation.over_thickness).abs() <= 0.01);
+    }
+}

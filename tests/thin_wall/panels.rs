@@ -95,6 +95,20 @@ fn bent_panels_are_bent_sheets() {
 }
 
 #[test]
+fn a_wall_that_is_as_thick_everywhere_has_one_thickness() {
+    let bent = Panel { radius: Some(0.3), longest_side: 0.02, ..Panel::default() };
+    let thicknesses = |of: &Panel| {
+        let (walls, _) = find(&panel(of));
+        let bits: std::collections::BTreeSet<u32> = walls.half_thickness.iter().map(|half| half.to_bits()).collect();
+        bits.len()
+    };
+    assert_eq!(thicknesses(&bent), 1);
+    // Feet of ribs have the thickness of the rib, or of the plate, and none in between.
+    assert!(thicknesses(&Panel { ribs: [2, 0], ..Panel::default() }) <= 3);
+    assert!(thicknesses(&Panel { taper: 3.0, ..Panel::default() }) > 5);
+}
+
+#[test]
 fn ribs_join_their_plate_and_each_other() {
     check("T", Panel { ribs: [2, 0], ..Panel::default() }, 1e-3);
     check("T, coarse", Panel { ribs: [2, 0], longest_side: 10.0, ..Panel::default() }, 1e-3);

@@ -30,6 +30,9 @@ const MOST_STEP: f64 = 0.25;
 /// Sides that are nearer than this, in half-thicknesses, fit.
 const LEAST_STEP: f64 = 2.0e-3;
 
+/// Walls whose half-thicknesses differ by less than this share are equally thick: what differs is how their triangles lie.
+const EVEN: f64 = 0.01;
+
 /// The weighted distance of the original from one side of a sheet at a vertex: positive outward.
 #[derive(Clone, Copy, Default)]
 struct Gap {
@@ -79,6 +82,46 @@ pub(super) fn fit(body: &Body, pairing: &Pairing, segments: &Segments, sheet: &m
         if !is_moved {
             break;
         }
+    }
+    level(sheet);
+}
+
+/// Gives walls that are equally thick everywhere one thickness. A sheet that is as thick everywhere is far cheaper to test
+/// than one that varies.
+fn level(sheet: &mut Sheet) {
+    let mut spans = vec![[f64::INFINITY, 0.0]; sheet.walls.iter().map(|&wall| wall as usize + 1).max().unwrap_or(0)];
+    for (corners, &wall) in sheet.triangles.iter().zip(&sheet.walls) {
+        let [least, largest] = &mut spans[wall as usize];
+        for &corner in corners {
+            let half = sheet.halves[corner as usize];
+            (*least, *largest) = (least.min(half), largest.max(half));
+        }
+    }
+    let is_even = |least: f64, largest: f64| largest <= least * (1.0 + EVEN);
+    let mut even: Vec<usize> = (0..spans.len()).filter(|&wall| is_even(spans[wall][0], spans[wall][1])).collect();
+    even.sort_by(|&a, &b| spans[a][0].total_cmp(&spans[b][0]).then(a.cmp(&b)));
+    let mut levels = vec![None; spans.len()];
+    while let Some(&thinnest) = even.first() {
+        let least = spans[thinnest][0];
+        let (equal, others): (Vec<usize>, Vec<usize>) =
+            even.into_iter().partition(|&wall| is_even(least, spans[wall][1]));
+        let largest = equal.iter().map(|&wall| spans[wall][1]).fold(0.0, f64::max);
+        for &wall in &equal {
+            levels[wall] = Some(0.5 * (least + largest));
+        }
+        even = others;
+    }
+    // Where walls of different thickness meet, a vertex keeps its own.
+    let mut level_at = vec![None; sheet.halves.len()];
+    for (corners, &wall) in sheet.triangles.iter().zip(&sheet.walls) {
+        let level = levels[wall as usize];
+        for &corner in corners {
+            let at = &mut level_at[corner as usize];
+            *at = Some(if at.is_none_or(|other| other == level) { level } else { None });
+        }
+    }
+    for (half, level) in sheet.halves.iter_mut().zip(level_at) {
+        *half = level.flatten().unwrap_or(*half);
     }
 }
 

@@ -21,7 +21,7 @@ mod sheet;
 mod thicken;
 mod walls;
 
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 
 pub use self::{
     deviation::Deviation,
@@ -78,8 +78,8 @@ pub struct ThinWalls {
 impl ThinWalls {
     /// Finds the thin walls of a mesh, and replaces them by sheets. Vertices at equal positions are one.
     ///
-    /// Takes closed and open meshes, non-manifold ones, slivers, and duplicates. A closed mesh must be wound outward: one
-    /// that is inside out has no walls.
+    /// Takes closed and open meshes, non-manifold ones, slivers, and duplicates. A closed mesh that is inside out, such as a
+    /// mirrored one, is taken as if it were turned.
     ///
     /// # Errors
     /// If there is no triangle, a position is not finite, or a triangle names a vertex that does not exist.
@@ -89,34 +89,52 @@ impl ThinWalls {
         settings: &ThinWallSettings,
     ) -> Result<(Self, Deviation), TopologyError> {
         let body = Body::new(positions, triangles)?;
-        let pairing = Pairing::new(&body, settings);
-        let segments = Segments::new(&body, &pairing, settings);
-        let is_thin = segments::thin_triangles(&body, &pairing, &segments, settings);
-        let depths = CornerDepths::new(&body, &pairing, &segments, settings, &is_thin);
-        let mut walls = Walls::new(&body, &pairing, &segments, &depths, &is_thin);
+        if !(body.topology.is_closed() && volume(positions, triangles) < 0.0) {
+            return Ok(Self::find_outward(&body, positions, triangles, settings));
+        }
+        let inside_out: Vec<[u32; 3]> = triangles.iter().copied().map(turned).collect();
+        let body = Body::new(positions, &inside_out)?;
+        let (mut walls, deviation) = Self::find_outward(&body, positions, &inside_out, settings);
+        let left = walls.sheet_regions.len()..;
+        walls.triangles[left].iter_mut().for_each(|corners| *corners = turned(*corners));
+        Ok((walls, deviation))
+    }
+
+    /// Finds the thin walls of a mesh that is wound outward.
+    fn find_outward(
+        body: &Body,
+        positions: &[Vec3],
+        triangles: &[[u32; 3]],
+        settings: &ThinWallSettings,
+    ) -> (Self, Deviation) {
+        let pairing = Pairing::new(body, settings);
+        let segments = Segments::new(body, &pairing, settings);
+        let is_thin = segments::thin_triangles(body, &pairing, &segments, settings);
+        let depths = CornerDepths::new(body, &pairing, &segments, settings, &is_thin);
+        let mut walls = Walls::new(body, &pairing, &segments, &depths, &is_thin);
         let mut is_inaccurate = vec![false; body.triangle_count()];
         let mut passes = PASSES.into_iter();
         let (sheet, fates, deviation) = loop {
-            let mut sheet = Sheet::new(&body, &pairing, &segments, &depths, &walls);
+            let mut sheet = Sheet::new(body, &pairing, &segments, &depths, &walls);
             seams::connect(&mut sheet);
-            rims::extend(&body, &walls, &mut sheet);
-            fit::fit(&body, &pairing, &segments, &mut sheet);
-            let thick = Thickened::new(&body, &segments, &sheet);
-            let covered = deviation::covered(&body, &sheet, &thick, &walls);
-            let fates = regions::fates(&body, &pairing, &segments, &walls, &is_thin, &is_inaccurate, &covered);
+            rims::extend(body, &walls, &mut sheet);
+            fit::fit(body, &pairing, &segments, &mut sheet);
+            let thick = Thickened::new(body, &segments, &sheet);
+            let covered = deviation::covered(body, &sheet, &thick, &walls);
+            let fates = regions::fates(body, &pairing, &segments, &walls, &is_thin, &is_inaccurate, &covered);
             let is_replaced: Vec<bool> = fates.iter().copied().map(Fate::is_replaced).collect();
-            let (deviation, errors) = Deviation::measure(&body, &sheet, &thick, &is_replaced);
+            let (deviation, errors) = Deviation::measure(body, &sheet, &thick, &is_replaced);
             // Passes without anything to leave are skipped.
             let found =
-                passes.by_ref().map(|most| inaccurate(&body, &fates, &errors, most)).find(|found| !found.is_empty());
+                passes.by_ref().map(|most| inaccurate(body, &fates, &errors, most)).find(|found| !found.is_empty());
             let Some(found) = found else { break (sheet, fates, deviation) };
             for triangle in found {
                 is_inaccurate[triangle] = true;
             }
-            walls.leave(&body, &pairing, &is_inaccurate);
+            walls.leave(body, &pairing, &is_inaccurate);
         };
-        let (regions, region_of) = regions::regions(&body, &segments, &walls, &sheet, &fates);
-        let left_out = regions::left_out(&body, &fates);
+        let (regions, region_of) = regions::regions(body, &segments, &walls, &sheet, &fates);
+        let left_out = regions::left_out(body, &fates);
         let mut found = Self {
             // The sum of nothing is −0.
             area_before: body.areas.iter().sum::<f64>() + 0.0,
@@ -133,7 +151,7 @@ impl ThinWalls {
         found.thin_area = found.abstracted_area
             + found.left_out.iter().filter(|left| left.reason.is_thin()).map(|left| left.area).sum::<f64>();
         found.assemble(positions, triangles, &sheet);
-        Ok((found, deviation))
+        (found, deviation)
     }
 
     fn assemble(&mut self, positions: &[Vec3], triangles: &[[u32; 3]], sheet: &Sheet) {
@@ -165,6 +183,21 @@ impl ThinWalls {
             add(triangles[triangle as usize], &mut names, &|vertex| (positions[vertex], 0.0));
         }
     }
+}
+
+/// The same triangle, wound the other way.
+fn turned([a, b, c]: [u32; 3]) -> [u32; 3] {
+    [a, c, b]
+}
+
+/// Six times the signed volume that triangles enclose: negative if they are inside out.
+fn volume(positions: &[Vec3], triangles: &[[u32; 3]]) -> f64 {
+    let center = positions.iter().map(|position| position.as_dvec3()).sum::<DVec3>() / positions.len() as f64;
+    let volume = |corners: &[u32; 3]| {
+        let [a, b, c] = corners.map(|corner| positions[corner as usize].as_dvec3() - center);
+        a.dot(b.cross(c))
+    };
+    triangles.iter().map(volume).sum()
 }
 
 /// The triangles whose sheet is too far from them, worst first, as many as may be left.
