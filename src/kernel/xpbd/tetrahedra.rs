@@ -61,6 +61,9 @@ pub struct TetrahedronRest {
     inverse: DMat3,
     /// In the unit of the points, cubed.
     volume: f64,
+    /// The determinant of the inverse, and the cube root of six volumes.
+    density: f64,
+    size: f64,
     is_flat: bool,
 }
 
@@ -74,7 +77,8 @@ impl TetrahedronRest {
         let longest = sides.into_iter().map(DVec3::length).fold(0.0, f64::max);
         let is_flat = six_times.is_nan() || six_times <= LEAST_VOLUME * longest.powi(3);
         let inverse = if is_flat { DMat3::ZERO } else { edges.inverse() };
-        Self { inverse, volume: six_times / 6.0, is_flat }
+        let density = inverse.determinant();
+        Self { inverse, volume: six_times / 6.0, density, size: six_times.cbrt(), is_flat }
     }
 
     /// Whether it is too flat to resist.
@@ -168,13 +172,12 @@ impl Tetrahedra {
                     set_lane(&mut block.inverse[edge], lane, rest.inverse.row(edge) / scale);
                 }
                 let [a, b, c] = [1, 2, 3].map(|corner| start[places[corner]] - start[places[0]]);
-                let density = rest.inverse.determinant() / scale.powi(3);
+                let density = rest.density / scale.powi(3);
                 *count += 1;
                 *tangled += usize::from(DMat3::from_cols(a, b, c).determinant() * density <= TANGLED);
-                let volume = rest.volume * scale.powi(3);
-                block.volume[lane] = volume as f32;
+                block.volume[lane] = (rest.volume * scale.powi(3)) as f32;
                 block.density[lane] = density as f32;
-                block.size[lane] = (6.0 * volume).cbrt() as f32;
+                block.size[lane] = (rest.size * scale) as f32;
             }
             block
         }));

@@ -72,10 +72,7 @@ impl TetrahedronBlock {
 /// inverse of those at rest.
 #[cfg_attr(not(unoptimized), inline(always))]
 fn gradients_of_volume<S: Simd>([a, b, c]: Columns<S>, density: f32x8<S>) -> [VectorLanes<S>; 4] {
-    let [first, second, third] = [b.cross(c), c.cross(a), a.cross(b)].map(
-        #[cfg_attr(not(unoptimized), inline(always))]
-        |side| side.scaled(density),
-    );
+    let (first, second, third) = (b.cross(c).scaled(density), c.cross(a).scaled(density), a.cross(b).scaled(density));
     [first.plus(second).plus(third).negated(), first, second, third]
 }
 
