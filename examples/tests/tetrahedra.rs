@@ -184,6 +184,10 @@ fn bad_input_exits_with_2_and_names_the_place() {
     }
     refuse(&[&good, &good, "--translate", "3.4e38,0,0"], &["a.msh"]);
     refuse(&[&good, &good, "--containments", &folder.path("none/c.csv")], &["c.csv"]);
+    refuse(&[&good, &good, "--containments", &good], &["a.msh", "overwritten"]);
+    assert_eq!(fs::read_to_string(&good).expect("it was written"), text);
+    let other = folder.with("other.msh", "solid cube\n");
+    refuse(&[&other, &good], &["other.msh", "not a Gmsh file"]);
     let flat = written(
         &folder,
         "flat.msh",

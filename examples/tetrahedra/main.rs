@@ -31,6 +31,8 @@ enum TetrahedraExampleError {
     Moved { file: PathBuf, vertex: usize },
     #[error("{name}: cannot be used: {status:?}")]
     Unused { name: String, status: SurfaceStatus },
+    #[error("{}: is one of the bodies, and would be overwritten", .file.display())]
+    Overwritten { file: PathBuf },
     #[error(transparent)]
     Soft(#[from] XpbdBodyError),
     #[error(transparent)]
@@ -54,6 +56,13 @@ fn run(options: &Options) -> Result<(), TetrahedraExampleError> {
         (Some(first), Some(second)) => Some([load(first, Translation::default())?, load(second, options.translate)?]),
         _ => None,
     };
+    if let Some(file) = &options.containments {
+        let place = |path: &Path| path.canonicalize().ok();
+        let bodies = [&options.first, &options.second].into_iter().flatten();
+        if place(file).is_some_and(|own| bodies.map(|body| place(body)).any(|body| body.as_ref() == Some(&own))) {
+            return Err(TetrahedraExampleError::Overwritten { file: file.clone() });
+        }
+    }
     let file = options.containments.as_deref().map(output::ContainmentFile::create).transpose()?;
     let recorder = options.recording.rerun.as_deref().map(|path| options.recording.recorder(path)).transpose()?;
     let recorder = recorder.unwrap_or_default();

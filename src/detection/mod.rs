@@ -20,6 +20,8 @@ mod team;
 mod tetrahedra;
 
 pub use bounds::BoundsPlugin;
+#[cfg(feature = "rerun")]
+pub(crate) use broad_phase::UsedHash;
 pub use broad_phase::{
     BoxSide, BroadPhasePlugin, BroadPhaseSystems, BruteForceBroadPhasePlugin, CandidateWriter,
     HierarchicalSpatialHashBroadPhasePlugin, NormalConeCullingPlugin, SpatialHashBroadPhasePlugin, SurfaceBoxes,

@@ -130,8 +130,8 @@ impl XpbdBody {
 
     /// A tetrahedral body at rest in its rest shape, whose inside resists as
     /// [`young_modulus`](XpbdMaterial::young_modulus) and [`poisson_ratio`](XpbdMaterial::poisson_ratio) say. The mass of
-    /// a vertex is a quarter of the mass of the tetrahedra around it. A vertex without a tetrahedron that has volume gets
-    /// the mean mass.
+    /// a vertex is a quarter of the mass of the tetrahedra around it, evened out among neighbors, so that no corner is much
+    /// lighter than the vertices around it. The sum is kept. A vertex without mass gets the mean mass.
     ///
     /// Tetrahedra that are inverted or nearly flat at rest do not resist: see [`left_out`](Self::left_out).
     ///

@@ -1,5 +1,7 @@
 //! The contacts that the solver watches, sorted by kind.
 
+use std::ops::Range;
+
 use arrayvec::ArrayVec;
 use glam::DVec3;
 
@@ -102,12 +104,15 @@ const LEAST_SHARED: usize = 256;
 pub struct SolverContacts {
     slabs: Slabs,
     phases: [Vec<Lists>; PHASES],
+    /// Whether each particle is in a contact. Those at the end that are in none may be missing.
+    are_touched: Vec<bool>,
 }
 
 impl SolverContacts {
     /// Forgets all contacts, and splits the space between the particles of all bodies.
     pub fn begin(&mut self, particles: &Particles) {
         self.slabs.split(&particles.start);
+        self.are_touched.clear();
         let count = self.slabs.count();
         for (phase, count) in self.phases.iter_mut().zip([count, count / 2, (count - 1) / 2, 1]) {
             phase.resize_with(count, Lists::default);
@@ -121,6 +126,12 @@ impl SolverContacts {
 
     fn lists_mut(&mut self) -> impl Iterator<Item = &mut List> {
         self.phases.iter_mut().flat_map(|phase| phase.as_flattened_mut())
+    }
+
+    /// Whether any of these particles is in a contact.
+    #[must_use]
+    pub fn touches(&self, mut particles: Range<usize>) -> bool {
+        particles.any(|particle| self.are_touched.get(particle).is_some_and(|is_touched| *is_touched))
     }
 
     /// The contacts of the place that particles are at.
@@ -169,6 +180,13 @@ impl SolverContacts {
 
     /// Adds a contact between particles that exist already.
     pub fn push(&mut self, constraint: &ContactConstraint, particles: &Particles) {
+        for particle in constraint.parts.particles() {
+            let particle = particle as usize;
+            if self.are_touched.len() <= particle {
+                self.are_touched.resize(particle + 1, false);
+            }
+            self.are_touched[particle] = true;
+        }
         let kind = if constraint.is_on_firm_ground(particles) { FIRM } else { LOOSE };
         let Some(lists) = self.lists_at(constraint.parts.particles()) else { return };
         let found = &mut lists[kind].found;
@@ -224,18 +242,24 @@ impl SolverContacts {
     /// Friction runs after all normal multipliers are final, because they are its limits. If a contact stopped pressing
     /// after its friction was solved, it would release what it holds. What friction then leaves too near is only pushed.
     pub fn solve(&mut self, team: &dyn Team, rows: MovingRows<'_>) {
-        let mut there_and_back = |work: fn(&mut Contacts, MovingRows<'_>, bool)| {
-            for (kind, is_backward) in [(FIRM, false), (LOOSE, false), (LOOSE, true), (FIRM, true)] {
-                self.sweep(team, kind, is_backward, |contacts| work(contacts, rows, is_backward));
-            }
-        };
         for _ in 0..SWEEPS {
-            there_and_back(Contacts::separate);
+            self.there_and_back(team, rows, Contacts::separate);
         }
-        there_and_back(Contacts::rub);
+        self.there_and_back(team, rows, Contacts::rub);
         for _ in 0..RECOVERIES {
-            there_and_back(Contacts::recover);
+            self.there_and_back(team, rows, Contacts::recover);
         }
+    }
+
+    fn there_and_back(&mut self, team: &dyn Team, rows: MovingRows<'_>, work: fn(&mut Contacts, MovingRows<'_>, bool)) {
+        for (kind, is_backward) in [(FIRM, false), (LOOSE, false), (LOOSE, true), (FIRM, true)] {
+            self.sweep(team, kind, is_backward, |contacts| work(contacts, rows, is_backward));
+        }
+    }
+
+    /// Pushes the sides of all contacts apart once more, there and back, after something else has moved them.
+    pub fn separate_again(&mut self, team: &dyn Team, rows: MovingRows<'_>) {
+        self.there_and_back(team, rows, Contacts::separate);
     }
 
     /// Ends a substep, after velocities have been derived.

@@ -29,6 +29,9 @@ pub(super) struct RestShape {
     pub(super) positions: Vec<Vec3>,
 }
 
+/// How often volumes are evened out among neighbors.
+const SPREADINGS: usize = 4;
+
 /// The tetrahedra of a body.
 #[derive(Clone, Debug)]
 pub(super) struct Inside {
@@ -36,7 +39,7 @@ pub(super) struct Inside {
     pub(super) tetrahedra: Vec<[u32; 4]>,
     /// Those that do not resist: inverted or nearly flat at rest. Ascending.
     pub(super) left_out: Vec<TetrahedronId>,
-    /// The volume around each vertex: a quarter of that of its tetrahedra.
+    /// The volume that each vertex stands for: a quarter of that of its tetrahedra, [spread](spread) among neighbors.
     pub(super) volumes: Vec<f64>,
     /// Of each tetrahedron, positive or negative by its winding.
     signed_volumes: Vec<f64>,
@@ -82,11 +85,12 @@ impl RestShape {
         slabs.split(&points);
         let (mut rests, mut inside) = (Vec::new(), None);
         if let Some(tetrahedra) = tetrahedra {
-            let found = find_inside(topology, positions, &points, tetrahedra, &mut rests)?;
+            let mut found = find_inside(topology, positions, &points, tetrahedra, &mut rests)?;
             let at = |vertex: u32| points[vertex as usize];
             springs.extend(
                 inner_edges(topology, &rests).into_iter().map(|ends| (ends, at(ends[0]).distance(at(ends[1])))),
             );
+            spread(&mut found.volumes, &springs);
             inside = Some(found);
         }
         let volume = topology.is_closed().then(|| VolumeRest::new(&points, topology.welded_triangles()));
@@ -130,6 +134,26 @@ fn find_inside(
         }
     }
     Ok(Inside { tetrahedra: tetrahedra.to_vec(), left_out, volumes, signed_volumes })
+}
+
+/// Evens out volumes along edges, and keeps their sum. A vertex on an edge or at a corner of a body may otherwise stand for
+/// a twentieth of the volume of one inside. A load on such a vertex would have to pass through its small mass, which takes
+/// the solver many substeps, and would squash the tetrahedra around it.
+fn spread(volumes: &mut [f64], edges: &[([u32; 2], f64)]) {
+    let mut degrees = vec![0_u32; volumes.len()];
+    for vertex in edges.iter().flat_map(|(ends, _)| *ends) {
+        degrees[vertex as usize] += 1;
+    }
+    for _ in 0..SPREADINGS {
+        let before = volumes.to_vec();
+        for &([a, b], _) in edges {
+            let [a, b] = [a, b].map(|vertex| vertex as usize);
+            // No vertex gives away more than it has.
+            let passed = (before[a] - before[b]) / f64::from(1 + degrees[a].max(degrees[b]));
+            volumes[a] -= passed;
+            volumes[b] += passed;
+        }
+    }
 }
 
 /// The edges of tetrahedra that are not edges of the surface, sorted.

@@ -51,11 +51,13 @@ struct Part {
     springs: Springs,
     hinges: Hinges,
     tetrahedra: Tetrahedra,
+    /// Whether its body has contacts.
+    is_touched: bool,
 }
 
 impl Part {
     fn begin(&mut self, (number, body): (usize, &SolverBody), slab: usize, start: &[DVec3]) {
-        let Self { body: of, springs, hinges, tetrahedra } = self;
+        let Self { body: of, springs, hinges, tetrahedra, .. } = self;
         *of = number;
         springs.clear();
         hinges.clear();
@@ -94,6 +96,13 @@ impl Part {
         }
         if !is_backward {
             self.tetrahedra.solve(rows, elasticity, false);
+        }
+    }
+
+    /// What nothing touches has been folded by its own elasticity, and must be able to unfold.
+    fn keep_upright(&mut self, rows: MovingRows<'_>) {
+        if self.is_touched {
+            self.tetrahedra.keep_upright(rows);
         }
     }
 
@@ -144,8 +153,12 @@ impl Inners {
         *has_tetrahedra = slabs.iter().chain(&*between).any(|part| !part.tetrahedra.is_empty());
     }
 
-    fn begin_step(&mut self) {
-        self.slabs.iter_mut().chain(&mut self.between).for_each(Part::begin_step);
+    fn begin_step(&mut self, bodies: &[SolverBody], contacts: &SolverContacts) {
+        for part in self.slabs.iter_mut().chain(&mut self.between) {
+            let SolverBody { first, topology, .. } = &bodies[part.body];
+            part.is_touched = self.has_tetrahedra && contacts.touches(*first..first + topology.vertex_count());
+            part.begin_step();
+        }
         self.volumes.begin_step();
     }
 
@@ -170,19 +183,25 @@ impl Inners {
         share(team, slabs, |part| part.stretch(bodies, moving, step, true));
     }
 
-    /// Ends an iteration: contacts leave no tetrahedron inverted.
-    fn keep_upright(&mut self, team: &dyn Team, rows: MovingRows<'_>) {
+    /// Gives tetrahedra that contacts have inverted or flattened some volume. Returns whether there were any.
+    fn keep_upright(&mut self, team: &dyn Team, rows: MovingRows<'_>) -> bool {
         let Self { slabs, between, has_tetrahedra, .. } = self;
         if !*has_tetrahedra {
-            return;
+            return false;
         }
-        share(team, slabs, |part| _ = part.tetrahedra.keep_upright(rows));
-        let mut acted = false;
-        for part in &*between {
-            acted |= part.tetrahedra.keep_upright(rows);
+        share(team, slabs, |part| part.keep_upright(rows));
+        between.iter_mut().for_each(|part| part.keep_upright(rows));
+        if between.iter().any(|part| part.tetrahedra.is_any_raised()) {
+            share(team, slabs, |part| part.keep_upright(rows));
         }
-        if acted {
-            share(team, slabs, |part| _ = part.tetrahedra.keep_upright(rows));
+        slabs.iter().chain(&*between).any(|part| part.tetrahedra.is_any_raised())
+    }
+
+    /// Ends a substep, after velocities have been derived.
+    fn end_step(&mut self, team: &dyn Team, rows: MovingRows<'_>) {
+        if self.has_tetrahedra {
+            share(team, &mut self.slabs, |part| part.tetrahedra.end_step(rows));
+            self.between.iter().for_each(|part| part.tetrahedra.end_step(rows));
         }
     }
 
@@ -318,16 +337,20 @@ impl Solver {
             let rate = duration.recip() as f32;
             let evaluation = Evaluation { step: step as f32, push_out, share: share as f32, rate };
             contacts.begin_step(team, rows.moving(), evaluation);
-            inners.begin_step();
+            inners.begin_step(bodies, contacts);
             for _ in 0..settings.iterations {
                 inners.solve(team, bodies, rows, step);
                 attachments.solve(rows.moving());
                 tethers.solve(rows, share as f32);
                 contacts.solve(team, rows.moving());
-                inners.keep_upright(team, rows.moving());
+                if inners.keep_upright(team, rows.moving()) {
+                    contacts.separate_again(team, rows.moving());
+                    inners.keep_upright(team, rows.moving());
+                }
             }
             rows.update_velocities(step as f32);
             inners.damp(team, bodies, rows.moving(), step);
+            inners.end_step(team, rows.moving());
             contacts.end_step(team, rows.moving());
             let [acting, pressing] = contacts.counts();
             solved.contact_solves += acting * settings.iterations as usize;

@@ -3,6 +3,7 @@
 //! `cargo test --features rerun --test rerun`
 
 mod budget;
+mod cells;
 mod contacts;
 mod layout;
 mod meshes;

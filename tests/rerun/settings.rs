@@ -148,11 +148,12 @@ fn the_default_is_what_its_documentation_says() {
         curvature,
         recipe_age,
         tree_levels,
+        cells,
     } = RerunSettings::default();
     assert_eq!((every, bytes_per_tick, tree_levels), (1, 4_000_000, 4));
     assert!(series && times && shapes && contacts && penetrations);
     assert_eq!((meshes, recipe_age), (LevelOfDetail::All, LevelOfDetail::Off));
-    assert_eq!([patches, tetrahedra, pairs, spheres, cones, curvature], [LevelOfDetail::NearContacts; 6]);
+    assert_eq!([patches, tetrahedra, pairs, spheres, cones, curvature, cells], [LevelOfDetail::NearContacts; 7]);
 }
 
 /// A change that a game makes to a surface at some moment within a tick.

@@ -47,7 +47,7 @@ fn wanted(recorded: &mut Recorded, level: LevelOfDetail, entity: Entity) -> Vec<
 }
 
 #[track_caller]
-fn assert_posed(recorded: &Recorded, entity: Entity, components: &Components) {
+pub fn assert_posed(recorded: &Recorded, entity: Entity, components: &Components) {
     let affine = world_affine(recorded.app.world(), entity);
     assert_eq!(components.vectors::<9>("Transform3D:mat3x3"), [affine.matrix3.as_mat3().to_cols_array()]);
     assert_eq!(components.vectors::<3>("Transform3D:translation"), [affine.translation.as_vec3().to_array()]);
@@ -263,9 +263,9 @@ fn what_a_method_does_not_compute_is_not_recorded() {
     assert!(!layers.iter().any(|layer| layer == "cones" || layer == "spheres" || layer == "curvature"), "{layers:?}");
 }
 
-type Box3 = (Vec3, Vec3);
+pub type Box3 = (Vec3, Vec3);
 
-fn boxes(components: &Components) -> Vec<Box3> {
+pub fn boxes(components: &Components) -> Vec<Box3> {
     let centers = components.vectors::<3>("Boxes3D:centers");
     let half_sizes = components.vectors::<3>("Boxes3D:half_sizes");
     assert_eq!(centers.len(), half_sizes.len());

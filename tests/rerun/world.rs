@@ -64,6 +64,7 @@ pub fn nothing() -> RerunSettings {
         curvature: LevelOfDetail::Off,
         recipe_age: LevelOfDetail::Off,
         tree_levels: 0,
+        cells: LevelOfDetail::Off,
         ..everything()
     }
 }
@@ -82,7 +83,7 @@ impl Recorded {
         Self::with(settings, DeformableCollisionPlugins::new(Update), |_| {})
     }
 
-    pub fn with(settings: RerunSettings, plugins: DeformableCollisionPlugins, add: impl FnOnce(&mut App)) -> Self {
+    pub fn with(settings: RerunSettings, plugins: impl PluginGroup, add: impl FnOnce(&mut App)) -> Self {
         let (stream, storage) = stream();
         let mut app = App::new();
         app.add_plugins(plugins).add_plugins(DeformableRerunPlugin::to_stream(stream)).insert_resource(settings);

@@ -1,7 +1,10 @@
-//! Ten bodies fall into a heap and come to rest.
+//! Bodies fall on the ground and on each other, and come to rest.
 
 use bevy_circumsphere::{prelude::*, response::*};
-use circumsphere_support::tetrahedra::{TetrahedralMesh, tetrahedral_ball, tetrahedral_box, tetrahedral_pile};
+use bevy_transform::components::Transform;
+use circumsphere_support::tetrahedra::{
+    HALF_WIDTH_OF_PIT, TetrahedralMesh, WALLS_OF_PIT, tetrahedral_ball, tetrahedral_box, tetrahedral_pile,
+};
 use glam::{DVec3, Vec3};
 
 use crate::{
@@ -9,12 +12,26 @@ use crate::{
     world::{Solid, World, moved},
 };
 
-/// Drops bodies, and returns the world after some ticks.
-fn dropped(meshes: &[TetrahedralMesh], ticks: usize, material: XpbdMaterial) -> (World, Vec<Solid>) {
+/// Ticks in a row in which all bodies must be at rest.
+const REST: usize = 60;
+
+/// Drops bodies between walls, and returns the world when they have come to rest, with the number of ticks. They have so
+/// many ticks for it.
+fn dropped(
+    meshes: &[TetrahedralMesh],
+    walls: &[[f32; 3]],
+    ticks: usize,
+    material: XpbdMaterial,
+) -> (World, Vec<Solid>, usize) {
     let mut world = World::new();
     world.settings().gravity = Vec3::NEG_Y * 9.81;
     world.app.world_mut().spawn(RigidShape(SharedShape::halfspace(Vec3::Y)));
+    for normal in walls.iter().copied().map(Vec3::from_array) {
+        let at = Transform::from_translation(normal * -(HALF_WIDTH_OF_PIT as f32));
+        world.app.world_mut().spawn((RigidShape(SharedShape::halfspace(normal)), at));
+    }
     let solids: Vec<Solid> = meshes.iter().map(|mesh| world.add(mesh, material, SelfCollision)).collect();
+    let mut resting = 0;
     for tick in 0..ticks {
         world.tick();
         for (number, solid) in solids.iter().enumerate() {
@@ -22,16 +39,24 @@ fn dropped(meshes: &[TetrahedralMesh], ticks: usize, material: XpbdMaterial) -> 
             let least = volumes.into_iter().fold(f64::INFINITY, f64::min);
             assert!(least > 0.0, "body {number} has a tetrahedron of volume {least} in tick {tick}");
         }
+        let is_at_rest = |solid: &Solid| {
+            let velocities = &world.body(solid).velocities;
+            let mean = velocities.iter().map(|velocity| velocity.length()).sum::<f32>() / velocities.len() as f32;
+            // Single corners that are pressed flat may tremble.
+            mean < 0.02 && world.fastest(solid) < 0.1
+        };
+        resting = if solids.iter().all(is_at_rest) { resting + 1 } else { 0 };
+        if resting == REST {
+            assert_on_the_ground(&world, &solids);
+            return (world, solids, tick + 1 - REST);
+        }
     }
-    (world, solids)
+    let fastest: Vec<f32> = solids.iter().map(|solid| world.fastest(solid)).collect();
+    panic!("they have not come to rest in {ticks} ticks: {fastest:?} m/s");
 }
 
-fn assert_at_rest(world: &World, solids: &[Solid]) {
+fn assert_on_the_ground(world: &World, solids: &[Solid]) {
     for (number, solid) in solids.iter().enumerate() {
-        let velocities = &world.body(solid).velocities;
-        let mean = velocities.iter().map(|velocity| velocity.length()).sum::<f32>() / velocities.len() as f32;
-        // Single corners that are pressed flat may tremble.
-        assert!(mean < 0.02 && world.fastest(solid) < 0.1, "body {number}: {mean} {} m/s", world.fastest(solid));
         let lowest = world.positions(solid).into_iter().map(|at| at.y).fold(f64::INFINITY, f64::min);
         assert!(lowest > 0.0, "body {number} is in the ground: {lowest}");
     }
@@ -41,21 +66,42 @@ fn assert_at_rest(world: &World, solids: &[Solid]) {
 fn boxes_come_to_rest_on_each_other_without_an_inverted_tetrahedron() {
     // Without the balls, which roll for long.
     let boxes: Vec<TetrahedralMesh> = tetrahedral_pile().into_iter().step_by(2).take(4).collect();
-    let (world, solids) = dropped(&boxes, 300, XpbdMaterial::SOLID);
-    assert_at_rest(&world, &solids);
+    dropped(&boxes, &[], 600, XpbdMaterial::SOLID);
 }
 
 #[test]
-#[ignore = "takes a minute"]
+#[ignore = "takes minutes"]
 fn ten_bodies_of_a_thousand_tetrahedra_come_to_rest_without_an_inverted_one() {
     for young_modulus in [3.0e4, 1.0e5, 1.0e6] {
-        let (world, solids) = dropped(&tetrahedral_pile(), 900, XpbdMaterial { young_modulus, ..XpbdMaterial::SOLID });
+        let material = XpbdMaterial { young_modulus, ..XpbdMaterial::SOLID };
+        let (world, solids, ticks) = dropped(&tetrahedral_pile(), &WALLS_OF_PIT, 1800, material);
         let count: usize = solids.iter().map(|solid| solid.tetrahedra.len()).sum();
         assert!(count >= 10_000);
-        assert_at_rest(&world, &solids);
-        let highest = solids.iter().flat_map(|solid| world.positions(solid)).map(|at| at.y).fold(0.0, f64::max);
-        println!("{young_modulus:e}: the heap is {highest:.3} m high");
-        assert!(highest > 0.3, "it is no heap: {highest}");
+        let heights: Vec<[f64; 2]> = solids
+            .iter()
+            .map(|solid| {
+                let heights = world.positions(solid).into_iter().map(|at| at.y);
+                heights.fold([f64::INFINITY, 0.0], |[low, high], y| [low.min(y), high.max(y)])
+            })
+            .collect();
+        let highest = heights.iter().map(|[_, high]| *high).fold(0.0, f64::max);
+        let [at_rest, now] = solids
+            .iter()
+            .map(|solid| world.whole_volumes(solid))
+            .fold([0.0; 2], |sum, volumes| [sum[0] + volumes[0], sum[1] + volumes[1]]);
+        let carried = heights.iter().filter(|[low, _]| *low > 0.05).count();
+        println!(
+            "{young_modulus:e}: at rest after {ticks} ticks, {highest:.3} m high, with {:.4} of the volume; {carried} of \
+             the bodies are not on the ground",
+            now / at_rest
+        );
+        // Half a meter presses with up to 5,000 pascals, which compresses by `p (1 − 2ν) / E`: by 1.7 % at the lowest
+        // modulus. A pile has gaps, so the load is on less than all of the area.
+        assert!(now > 0.95 * at_rest, "{now} of {at_rest} cubic meters");
+        // So much volume does not fit into the pit any lower.
+        let floor = 4.0 * HALF_WIDTH_OF_PIT * HALF_WIDTH_OF_PIT;
+        assert!(highest > now / floor, "{highest}");
+        assert!(carried > 1, "all are on the ground: {heights:?}");
     }
 }
 
@@ -89,10 +135,10 @@ fn real_bodies_fall_on_the_ground_and_end_without_an_inverted_tetrahedron() {
         let last = last.fold(f64::INFINITY, f64::min);
         assert!(last > 0.0, "{name} ends with a tetrahedron of volume {last}");
         let top = world.positions(&solid).into_iter().map(|at| at.y).fold(0.0, f64::max);
-        assert!(top < f64::from(high - low) + 0.05, "{name} is {top} high");
+        // The longest, of 10 m, still swings.
+        assert!(top < f64::from(high - low) + 0.1, "{name} is {top} high");
     }
-    // A known weakness: nearly flat tetrahedra turn over for some ticks.
-    assert!(inverted.len() <= 1 && inverted.iter().all(|(_, least)| *least > -1.0), "{inverted:?}");
+    assert!(inverted.is_empty(), "{inverted:?}");
 }
 
 #[test]

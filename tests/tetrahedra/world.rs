@@ -78,6 +78,15 @@ impl World {
         solid.deformations(&self.positions(solid)).iter().map(DMat3::determinant).collect()
     }
 
+    /// The volume of a body at rest and now, in cubic meters.
+    pub fn whole_volumes(&self, solid: &Solid) -> [f64; 2] {
+        let rests = solid.tetrahedra.iter().map(|corners| edges(corners, &solid.rest).determinant().abs() / 6.0);
+        self.volumes(solid)
+            .into_iter()
+            .zip(rests)
+            .fold([0.0; 2], |[rest, now], (share, volume)| [rest + volume, now + share * volume])
+    }
+
     pub fn inverted(&self, solid: &Solid) -> usize {
         self.volumes(solid).into_iter().filter(|&volume| volume.is_nan() || volume <= 0.0).count()
     }

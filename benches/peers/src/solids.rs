@@ -1,4 +1,4 @@
-//! Whole steps of rapier3d's volumetric soft bodies: the ten bodies of `tetrahedral_pile` fall into a heap.
+//! Whole steps of rapier3d's volumetric soft bodies: the ten bodies of `tetrahedral_pile` fall into a pit.
 //!
 //! All settings are rapier's defaults, except those that make both libraries do the same: the material and its model,
 //! the masses, the contact distance, self-contacts, and that nothing falls asleep.
@@ -8,9 +8,7 @@ use std::{
     io::{self, Write},
 };
 
-use circumsphere_support::{
-    tetrahedra::{TetrahedralMesh, tetrahedral_pile},
-};
+use circumsphere_support::tetrahedra::{HALF_WIDTH_OF_PIT, TetrahedralMesh, WALLS_OF_PIT, tetrahedral_pile};
 use rapier3d::prelude::*;
 
 use super::{timed, vector};
@@ -36,7 +34,11 @@ pub fn run(arguments: &[String]) -> Result<(), Box<dyn Error>> {
     let (density, thickness) = (density.parse()?, thickness.parse()?);
     let mut world = PhysicsWorld::new();
     world.configure_thread_pool(threads.parse()?)?;
-    world.insert(RigidBodyBuilder::fixed(), ColliderBuilder::halfspace(Vector::Y));
+    world.insert(RigidBodyBuilder::fixed(), ground(Vector::Y));
+    for normal in WALLS_OF_PIT.map(vector) {
+        let wall = RigidBodyBuilder::fixed().translation(normal * -(HALF_WIDTH_OF_PIT as f32));
+        world.insert(wall, ground(normal));
+    }
     let meshes = tetrahedral_pile();
     let bodies: Vec<_> = meshes
         .iter()
@@ -70,7 +72,12 @@ pub fn run(arguments: &[String]) -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-/// The mass of each vertex: a quarter of the mass of the tetrahedra around it, as ours.
+/// A half-space. The constructor of the builder asks for a type of another crate.
+fn ground(normal: Vector) -> ColliderBuilder {
+    ColliderBuilder::new(SharedShape::halfspace(normal))
+}
+
+/// The mass of each vertex: a quarter of the mass of the tetrahedra around it, before ours evens it out.
 fn masses(mesh: &TetrahedralMesh, density: f32) -> Vec<f32> {
     let mut masses = vec![0.0; mesh.positions.len()];
     for &tetrahedron in &mesh.tetrahedra {

@@ -111,7 +111,11 @@ fn damaged_gmsh_files_name_the_place() {
             assert!(message.contains(part), "{to:?} does not name {part:?}: {message}");
         }
     }
-    assert!(msh("").expect_err("empty").to_string().contains("no section $MeshFormat"));
+    for text in ["", "solid cube\n"] {
+        assert!(msh(text).expect_err("no Gmsh file").to_string().contains("is not a Gmsh file"));
+    }
+    let marked = format!("\u{feff}{MSH_4}");
+    assert_eq!(msh(&marked).expect("some editors begin a text so"), msh(MSH_4).expect("valid"));
     let _ = TetrahedralMesh::from_msh_bytes(&[0xff, 0xfe, b'\n', b'$'], Path::new("x")).expect_err("no text");
 }
 

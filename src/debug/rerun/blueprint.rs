@@ -31,8 +31,8 @@ use super::{
 use crate::kernel::mesh::bounds::Aabb;
 
 /// Layers that are initially hidden.
-const HIDDEN: [Layer; 6] =
-    [Layer::Pairs, Layer::Spheres, Layer::Cones, Layer::Curvature, Layer::RecipeAge, Layer::Tree];
+const HIDDEN: [Layer; 7] =
+    [Layer::Pairs, Layer::Spheres, Layer::Cones, Layer::Curvature, Layer::RecipeAge, Layer::Tree, Layer::Cells];
 
 /// A view or container, identified by the number in its identifier.
 struct Part {

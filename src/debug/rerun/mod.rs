@@ -4,6 +4,7 @@
 //! the result. The timelines are `tick` and, if the app has a clock, `simulated_time`.
 
 mod blueprint;
+mod cells;
 mod colors;
 mod contacts;
 mod meshes;
@@ -42,7 +43,7 @@ use self::{
 use crate::{
     contacts::{SurfaceContacts, TouchingSides},
     debug::tick::{Detected, Touches},
-    detection::DetectionDiagnostics,
+    detection::{DetectionDiagnostics, UsedHash},
     kernel::mesh::bounds::Aabb,
     schedule::{DeformableSystems, add_to_host_schedule, run_detection},
     surface::{ActiveSurfaces, DeformableSurface, RigidShape, SurfacePositions, SurfaceQuarantined},
@@ -227,7 +228,7 @@ fn is_recording(recorder: Res<Recorder>) -> bool {
 fn record_detection(
     mut recorder: ResMut<Recorder>,
     settings: Res<RerunSettings>,
-    (detected, solids): (Detected, Solids),
+    (detected, solids, hash): (Detected, Solids, Option<Res<UsedHash>>),
     surfaces: Query<&DeformableSurface>,
     diagnostics: Res<DetectionDiagnostics>,
     given: Query<&Name>,
@@ -274,6 +275,7 @@ fn record_detection(
         tetrahedra::draw(&mut writer, &solids, settings.tetrahedra, names);
         pairs::draw(&mut writer, &detected, settings.pairs, names, &touches);
         surfaces::draw(&mut writer, &detected, &settings, names, &touches);
+        cells::draw(&mut writer, &detected, hash.as_deref().copied(), settings.cells, names, &touches);
         tick.newly_thinned = writer.finish();
     }
     tick.cost = start.elapsed();

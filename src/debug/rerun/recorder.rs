@@ -35,6 +35,7 @@ pub(super) enum Layer {
     Curvature,
     RecipeAge,
     Tree,
+    Cells,
 }
 
 impl Layer {
@@ -53,6 +54,7 @@ impl Layer {
             Self::Curvature => "curvature",
             Self::RecipeAge => "recipe_age",
             Self::Tree => "tree",
+            Self::Cells => "cells",
         }
     }
 }

@@ -62,6 +62,10 @@ pub struct RerunSettings {
     /// is up to 585 boxes per surface. Beside the levels, the boxes of the regions that
     /// [normal cones](crate::detection::NormalConeCullingPlugin) leave out.
     pub tree_levels: u32,
+    /// Cells of a [spatial hash](crate::detection::SpatialHashBroadPhasePlugin) that have triangles, with the number of
+    /// triangles, below the surface in whose frame they are. Default `NearContacts`: those with a triangle near a
+    /// contact.
+    pub cells: LevelOfDetail,
 }
 
 impl Default for RerunSettings {
@@ -83,6 +87,7 @@ impl Default for RerunSettings {
             curvature: LevelOfDetail::NearContacts,
             recipe_age: LevelOfDetail::Off,
             tree_levels: 4,
+            cells: LevelOfDetail::NearContacts,
         }
     }
 }
@@ -100,6 +105,7 @@ impl RerunSettings {
             curvature: LevelOfDetail::All,
             recipe_age: LevelOfDetail::All,
             tree_levels: u32::MAX,
+            cells: LevelOfDetail::All,
             ..Self::default()
         }
     }

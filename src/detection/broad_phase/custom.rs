@@ -38,6 +38,9 @@ pub enum SurfaceBoxes<'a> {
     Between([BoxSide<'a>; 2]),
 }
 
+/// The triangles of a surface with their boxes in the frame of another one, and these boxes alone.
+pub(super) type MovedBoxes = (Vec<(u32, Aabb)>, Vec<Aabb>);
+
 /// Writes the candidates that a broad phase of your own finds.
 ///
 /// ```
@@ -75,7 +78,7 @@ pub struct CandidateWriter<'w, 's> {
     memory: Res<'w, DetectionMemory>,
     states: Res<'w, SurfaceStates>,
     diagnostics: ResMut<'w, DetectionDiagnostics>,
-    moved: Local<'s, (Vec<(u32, Aabb)>, Vec<Aabb>)>,
+    moved: Local<'s, MovedBoxes>,
 }
 
 impl CandidateWriter<'_, '_> {
@@ -98,31 +101,18 @@ impl CandidateWriter<'_, '_> {
             if memory.keeps(place) {
                 continue;
             }
-            let side = |place: usize| side_of(active, states.all(), place);
-            let first = side(pair.first);
-            match pair.second {
-                _ if pair.is_self() => {
-                    diagnostics.count_cells(&find(SurfaceBoxes::Own(first), &mut pair.triangles));
-                    let topology = &active.surfaces[pair.first].topology;
-                    pair.triangles.retain(|&[a, b]| !topology.share_vertex(TriangleId(a), TriangleId(b)));
+            let second = match pair.second {
+                OtherSide::Surface(second) => second,
+                OtherSide::Shape(shape) => {
+                    pair_with_shape(active, pair, shape, states.all()[pair.first].triangle_boxes());
+                    continue;
                 }
-                OtherSide::Surface(second) => {
-                    let mut sides = [first, side(second)];
-                    let (boxes, bounds) = &mut **moved;
-                    if let Some(surface) = pair.moved_surface(active) {
-                        let (number, place) = match pair.frame {
-                            Frame::First => (1, second),
-                            Frame::Second => (0, pair.first),
-                        };
-                        boxes.clear();
-                        pair.mover(surface, states.all()[place].positions()).move_all(boxes);
-                        bounds.clear();
-                        bounds.extend(boxes.iter().map(|(_, bounds)| *bounds));
-                        sides[number] = BoxSide { version: None, boxes: bounds, ..sides[number] };
-                    }
-                    diagnostics.count_cells(&find(SurfaceBoxes::Between(sides), &mut pair.triangles));
-                }
-                OtherSide::Shape(shape) => pair_with_shape(active, pair, shape, first.boxes),
+            };
+            let surfaces = surface_boxes(active, states.all(), (pair, second), moved);
+            diagnostics.count_cells(&find(surfaces, &mut pair.triangles));
+            if pair.is_self() {
+                let topology = &active.surfaces[pair.first].topology;
+                pair.triangles.retain(|&[a, b]| !topology.share_vertex(TriangleId(a), TriangleId(b)));
             }
         }
         let count = memory.changed(&candidates.pairs).map(|pair| pair.triangles.len()).sum();
@@ -130,9 +120,33 @@ impl CandidateWriter<'_, '_> {
     }
 }
 
-fn side_of<'a>(active: &ActiveSurfaces, states: &'a [SurfaceState], place: usize) -> BoxSide<'a> {
-    let state = &states[place];
-    BoxSide { entity: active.surfaces[place].entity, version: Some(state.version()), boxes: state.triangle_boxes() }
+/// The boxes of a pair of surfaces in its frame. `second` is its second side.
+pub(super) fn surface_boxes<'a>(
+    active: &ActiveSurfaces,
+    states: &'a [SurfaceState],
+    (pair, second): (&mut SurfacePair, usize),
+    (triangles, boxes): &'a mut MovedBoxes,
+) -> SurfaceBoxes<'a> {
+    let side = |place: usize| {
+        let state = &states[place];
+        BoxSide { entity: active.surfaces[place].entity, version: Some(state.version()), boxes: state.triangle_boxes() }
+    };
+    if pair.is_self() {
+        return SurfaceBoxes::Own(side(pair.first));
+    }
+    let mut sides = [side(pair.first), side(second)];
+    if let Some(surface) = pair.moved_surface(active) {
+        let (number, place) = match pair.frame {
+            Frame::First => (1, second),
+            Frame::Second => (0, pair.first),
+        };
+        triangles.clear();
+        pair.mover(surface, states[place].positions()).move_all(triangles);
+        boxes.clear();
+        boxes.extend(triangles.iter().map(|(_, bounds)| *bounds));
+        sides[number] = BoxSide { version: None, boxes, ..sides[number] };
+    }
+    SurfaceBoxes::Between(sides)
 }
 
 /// Appends the triangles of a surface whose boxes reach a shape.

@@ -32,6 +32,8 @@ use crate::{
 
 pub use brute_force::BruteForceBroadPhasePlugin;
 pub use custom::{BoxSide, CandidateWriter, SurfaceBoxes};
+#[cfg(feature = "rerun")]
+pub(crate) use spatial_hash::UsedHash;
 pub use spatial_hash::{HierarchicalSpatialHashBroadPhasePlugin, SpatialHashBroadPhasePlugin};
 pub(super) use tree::{MovedLeaves, Traversal, needed::Needed};
 pub use tree::{NormalConeCullingPlugin, TreeBroadPhasePlugin};

@@ -4,12 +4,23 @@
 use bevy_app::prelude::*;
 use bevy_ecs::prelude::*;
 
+#[cfg(feature = "rerun")]
+use super::custom::{MovedBoxes, surface_boxes};
 use super::{BroadPhaseSystems, CandidateWriter, SurfaceBoxes};
 use crate::{
     detection::parallel::Threads,
     kernel::spatial_hash::{HashKind, HashSettings, SpatialHash},
     schedule::SurfaceDetection,
     settings::CircumsphereSettings,
+};
+#[cfg(feature = "rerun")]
+use crate::{
+    detection::{
+        pairs::{OtherSide, PairLists, SurfacePair, surface_pair},
+        state::SurfaceStates,
+    },
+    kernel::spatial_hash::{OccupiedCell, occupied_cells},
+    surface::ActiveSurfaces,
 };
 
 /// Finds pairs by the cells of a grid. To use it, disable [`TreeBroadPhasePlugin`](super::TreeBroadPhasePlugin) and add
@@ -71,17 +82,48 @@ impl Plugin for HierarchicalSpatialHashBroadPhasePlugin {
     }
 }
 
-fn add_hash(app: &mut App, hash_settings: HashSettings) {
-    let pair_triangles =
-        move |mut candidates: CandidateWriter, settings: Res<CircumsphereSettings>, mut hash: Local<SpatialHash>| {
-            let threads = Threads(settings.threads);
-            candidates.write_counted(|surfaces, pairs| match surfaces {
-                SurfaceBoxes::Own(side) => hash.self_pairs(&threads, &hash_settings, side.boxes, pairs),
-                SurfaceBoxes::Between([first, second]) => {
-                    hash.pairs_between(&threads, &hash_settings, [first.boxes, second.boxes], pairs)
-                }
-            });
-            hash.rest();
-        };
-    app.add_systems(SurfaceDetection, pair_triangles.in_set(BroadPhaseSystems::PairTriangles));
+/// What the hash is made of that pairs triangles.
+#[derive(Resource, Clone, Copy, Debug)]
+pub(crate) struct UsedHash(HashSettings);
+
+#[cfg(feature = "rerun")]
+impl UsedHash {
+    /// The cells that the hash fills for a pair of surfaces, in its frame, with the triangles in them: those of the second
+    /// surface follow those of the first. None for a pair with a shape.
+    pub(crate) fn occupied_cells(
+        self,
+        active: &ActiveSurfaces,
+        states: &SurfaceStates,
+        pair: &SurfacePair,
+    ) -> Vec<OccupiedCell> {
+        let OtherSide::Surface(second) = pair.second else { return Vec::new() };
+        let mut copy = surface_pair(&active.surfaces, pair.first, second, PairLists::default());
+        copy.bulge = pair.bulge;
+        let mut moved = MovedBoxes::default();
+        match surface_boxes(active, states.all(), (&mut copy, second), &mut moved) {
+            SurfaceBoxes::Own(side) => occupied_cells(&self.0, side.boxes, None),
+            SurfaceBoxes::Between([first, second]) => occupied_cells(&self.0, first.boxes, Some(second.boxes)),
+        }
+    }
+}
+
+fn add_hash(app: &mut App, settings: HashSettings) {
+    app.insert_resource(UsedHash(settings))
+        .add_systems(SurfaceDetection, pair_triangles.in_set(BroadPhaseSystems::PairTriangles));
+}
+
+fn pair_triangles(
+    mut candidates: CandidateWriter,
+    settings: Res<CircumsphereSettings>,
+    used: Res<UsedHash>,
+    mut hash: Local<SpatialHash>,
+) {
+    let threads = Threads(settings.threads);
+    candidates.write_counted(|surfaces, pairs| match surfaces {
+        SurfaceBoxes::Own(side) => hash.self_pairs(&threads, &used.0, side.boxes, pairs),
+        SurfaceBoxes::Between([first, second]) => {
+            hash.pairs_between(&threads, &used.0, [first.boxes, second.boxes], pairs)
+        }
+    });
+    hash.rest();
 }

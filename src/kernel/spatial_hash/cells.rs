@@ -1,5 +1,7 @@
 //! The cells of grids: their sizes, their coordinates, and their hash.
 
+use glam::Vec3;
+
 use crate::kernel::mesh::bounds::Aabb;
 
 /// The most grids of a hierarchy.
@@ -77,6 +79,13 @@ impl Grids {
     pub(super) fn cells(&self, level: u8, bounds: &Aabb) -> [Cell; 2] {
         let density = self.densities[usize::from(level)];
         [bounds.min, bounds.max].map(|corner| corner.to_array().map(|coordinate| floor(coordinate * density)))
+    }
+
+    /// Where a cell is.
+    pub(super) fn bounds(&self, level: u8, cell: Cell) -> Aabb {
+        let side = 1.0 / f64::from(self.densities[usize::from(level)]);
+        let corner = |beyond: f64| Vec3::from_array(cell.map(|place| ((f64::from(place) + beyond) * side) as f32));
+        Aabb { min: corner(0.0), max: corner(1.0) }
     }
 
     /// Where a box that is not empty goes.
@@ -164,12 +173,12 @@ mod tests {
     fn a_hierarchy_puts_boxes_into_few_cells_of_their_size() {
         let grids = Grids::hierarchical(None, 0);
         for size in [1e-3, 0.3, 1.0, 1.1, 900.0] {
-            let bounds = Aabb { min: glam::Vec3::splat(-0.1), max: glam::Vec3::splat(size - 0.1) };
+            let bounds = Aabb { min: Vec3::splat(-0.1), max: Vec3::splat(size - 0.1) };
             let Place::Level(level) = grids.place(&bounds) else { panic!("{size} is not large") };
             let [low, high] = grids.cells(level, &bounds);
             assert!((0..3).all(|axis| high[axis] - low[axis] <= 1), "{size}");
         }
-        let huge = Aabb { min: glam::Vec3::splat(-1e9), max: glam::Vec3::splat(1e9) };
+        let huge = Aabb { min: Vec3::splat(-1e9), max: Vec3::splat(1e9) };
         assert_eq!(grids.place(&huge), Place::Large);
     }
 }

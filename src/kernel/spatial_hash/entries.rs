@@ -134,6 +134,11 @@ impl Part {
         }
     }
 
+    /// The entries, in the order of the boxes.
+    pub(super) fn into_entries(self) -> Vec<Entry> {
+        self.made
+    }
+
     pub(super) fn entry_count(&self) -> usize {
         self.made.len()
     }

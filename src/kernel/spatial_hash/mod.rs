@@ -16,6 +16,8 @@ mod boxes;
 mod cells;
 mod crowd;
 mod entries;
+mod occupied;
 mod table;
 
+pub use occupied::{OccupiedCell, occupied_cells};
 pub use table::{HashCounts, HashKind, HashSettings, SpatialHash};

@@ -42,6 +42,17 @@ pub struct HashSettings {
     pub cell_size: Option<f32>,
 }
 
+impl HashSettings {
+    /// The grids for boxes of these sizes.
+    pub(super) fn grids(&self, sizes: &Sizes) -> Grids {
+        let cell_size = self.cell_size.filter(|size| *size > 0.0 && size.is_finite());
+        match self.kind {
+            HashKind::Uniform => Grids::uniform(cell_size, sizes.mean()),
+            HashKind::Hierarchical => Grids::hierarchical(cell_size, sizes.mean_exponent()),
+        }
+    }
+}
+
 /// What a hash had to do for its last pairs.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct HashCounts {
@@ -137,11 +148,7 @@ impl SpatialHash {
         for part in &*parts {
             sizes.add(&part.sizes);
         }
-        let cell_size = settings.cell_size.filter(|size| *size > 0.0 && size.is_finite());
-        let grids = match settings.kind {
-            HashKind::Uniform => Grids::uniform(cell_size, sizes.mean()),
-            HashKind::Hierarchical => Grids::hierarchical(cell_size, sizes.mean_exponent()),
-        };
+        let grids = settings.grids(&sizes);
         parallel.run_tasks(parts.iter_mut(), threads, |part| part.make_entries(&boxes, &sizes, &grids));
 
         let entries = parts.iter().map(Part::entry_count).sum();

@@ -1,6 +1,6 @@
-//! Whole steps of tetrahedral bodies: ten bodies fall into a heap, ours and rapier's.
+//! Whole steps of tetrahedral bodies: ten bodies fall into a pit, ours and rapier's.
 //!
-//! Both get the same meshes, masses, Young's modulus, Poisson's ratio, contact distance, and duration of a step, collide
+//! Both get the same meshes, density, Young's modulus, Poisson's ratio, contact distance, and duration of a step, collide
 //! with themselves, and never fall asleep. Everything else is their default. rapier has two models of elastic
 //! tetrahedra; ours is the second.
 //!
@@ -26,7 +26,7 @@ use circumsphere_examples::{
     scenes::{Extent, Stage, Variation},
 };
 use circumsphere_reports::statistics::median;
-use circumsphere_support::tetrahedra::{TetrahedralMesh, tetrahedral_pile};
+use circumsphere_support::tetrahedra::{HALF_WIDTH_OF_PIT, TetrahedralMesh, WALLS_OF_PIT, tetrahedral_pile};
 use glam::Vec3;
 use serde::Serialize;
 
@@ -144,6 +144,10 @@ fn play(meshes: &[TetrahedralMesh], threads: usize, steps: usize) -> Steps {
     let variation = Variation { detection, response, ..Variation::default() };
     let mut stage = Stage::new(&variation, Recorder::default());
     stage.add_shape("ground", SharedShape::halfspace(Vec3::Y), Transform::IDENTITY);
+    for normal in WALLS_OF_PIT.map(Vec3::from_array) {
+        let at = Transform::from_translation(normal * -(HALF_WIDTH_OF_PIT as f32));
+        stage.add_shape("wall", SharedShape::halfspace(normal), at);
+    }
     let spawn = |mesh: &TetrahedralMesh| {
         let positions: Vec<Vec3> = mesh.positions.iter().copied().map(Vec3::from_array).collect();
         let (inside, surface, positions) =
@@ -196,7 +200,7 @@ impl Display for Solids {
         let Self { bodies, tetrahedra, vertices, .. } = self;
         writeln!(
             out,
-            "\nWhole steps of {bodies} bodies that fall into a heap: {tetrahedra} tetrahedra, {vertices} vertices"
+            "\nWhole steps of {bodies} bodies that fall into a pit: {tetrahedra} tetrahedra, {vertices} vertices"
         )?;
         writeln!(out, "{:26} {:>3} {:>9} {:>9} {:>4} {:>14}", "", "thr", "median", "min ms", "n", "most inverted")?;
         for row in &self.rows {

@@ -62,26 +62,30 @@ pub fn tetrahedral_ball(cubes: usize, radius: f64) -> TetrahedralMesh {
 const HALF_EXTENTS_OF_BOX: [f64; 3] = [0.14, 0.1, 0.1];
 const RADIUS_OF_BALL: f64 = 0.12;
 
-/// Ten bodies, five boxes of 1,050 and five balls of 1,296 tetrahedra, in three layers above the plane y = 0, on which
-/// they fall into a heap.
+/// Half the width of the pit of [`tetrahedral_pile`], in meters.
+pub const HALF_WIDTH_OF_PIT: f64 = 0.29;
+
+/// The normals of its walls, which point into it.
+pub const WALLS_OF_PIT: [[f32; 3]; 4] = [[1.0, 0.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, 0.0, -1.0]];
+
+/// Where the first box and the first ball are, and how far each pair is above the last. They are as far from each other
+/// and from the walls as their radii ask for.
+const PLACE_OF_BOX: [f64; 3] = [0.08, 0.25, 0.08];
+const PLACE_OF_BALL: [f64; 3] = [-0.155, 0.25, -0.155];
+const RISE: f64 = 0.35;
+
+/// Ten bodies, five boxes of 1,050 and five balls of 1,296 tetrahedra, above a pit into which they fall: the plane y = 0
+/// between four walls, at x and z = ±[`HALF_WIDTH_OF_PIT`]. It has room for six of them side by side.
 #[must_use]
 pub fn tetrahedral_pile() -> Vec<TetrahedralMesh> {
-    let places = [
-        [-0.16, 0.2, -0.15],
-        [0.15, 0.2, -0.16],
-        [-0.15, 0.2, 0.16],
-        [0.16, 0.2, 0.15],
-        [0.0, 0.55, -0.16],
-        [-0.14, 0.55, 0.12],
-        [0.15, 0.55, 0.14],
-        [0.02, 0.9, 0.02],
-        [-0.03, 1.2, 0.01],
-        [0.02, 1.5, -0.03],
-    ];
     let boxes = tetrahedral_box([7, 5, 5], HALF_EXTENTS_OF_BOX);
     let ball = tetrahedral_ball(6, RADIUS_OF_BALL);
-    let body = |(number, place): (usize, [f64; 3])| {
-        let mesh = if number % 2 == 0 { &boxes } else { &ball };
+    let body = |number: usize| {
+        let (mesh, [x, y, z]) = if number % 2 == 0 { (&boxes, PLACE_OF_BOX) } else { (&ball, PLACE_OF_BALL) };
+        // Each pair is mirrored below the next one.
+        let level = (number / 2) as f64;
+        let mirror = if number / 2 % 2 == 0 { 1.0 } else { -1.0 };
+        let place = [mirror * x, y + RISE * level, mirror * z];
         // Each is turned about two axes, by angles of its own.
         let turns = [0.7, 0.4].map(|angle: f64| libm::sincos(angle * (number + 1) as f64));
         let turned = |position: &[f32; 3]| {
@@ -94,5 +98,5 @@ pub fn tetrahedral_pile() -> Vec<TetrahedralMesh> {
         };
         TetrahedralMesh { positions: mesh.positions.iter().map(turned).collect(), tetrahedra: mesh.tetrahedra.clone() }
     };
-    places.into_iter().enumerate().map(body).collect()
+    (0..10).map(body).collect()
 }

@@ -20,7 +20,7 @@ use std::{
     path::{Path, PathBuf},
 };
 
-pub use bodies::{tetrahedral_ball, tetrahedral_box, tetrahedral_pile};
+pub use bodies::{HALF_WIDTH_OF_PIT, WALLS_OF_PIT, tetrahedral_ball, tetrahedral_box, tetrahedral_pile};
 pub use error::TetrahedralMeshError;
 pub use motion::CurlingBar;
 

@@ -16,6 +16,11 @@ const TETRAHEDRON: u32 = 4;
 /// Gmsh's numbers of tetrahedra with 10, 20, 35, and 56 nodes, and of the incomplete ones.
 const CURVED_TETRAHEDRA: [u32; 7] = [11, 29, 30, 31, 32, 71, 137];
 
+const NO_FORMAT: &str = "is not a Gmsh file: it does not begin with the section $MeshFormat";
+
+/// Some editors put it in front of a text.
+const BYTE_ORDER_MARK: &[u8] = b"\xEF\xBB\xBF";
+
 #[derive(Clone, Copy, PartialEq)]
 enum Version {
     Two,
@@ -39,12 +44,15 @@ struct Contents {
 
 /// Reads one Gmsh mesh.
 pub(super) fn decode(bytes: &[u8], name: &Path) -> Result<TetrahedralMesh, TetrahedralMeshError> {
-    let mut lines = Lines::new(bytes, name, None);
+    let mut lines = Lines::new(bytes.strip_prefix(BYTE_ORDER_MARK).unwrap_or(bytes), name, None);
     let mut version = None;
     let mut contents = Contents::default();
     let (mut has_nodes, mut has_elements) = (false, false);
     while let Some(line) = lines.next() {
         let Some(section) = line.text().strip_prefix(b"$") else {
+            if version.is_none() {
+                return Err(TetrahedralMeshError::unsupported(name, NO_FORMAT));
+            }
             return Err(line.error(format!("a section was expected, but `{}` was found", line.quote())));
         };
         let known = version.ok_or_else(|| line.error("the section $MeshFormat must come first"));
@@ -72,7 +80,7 @@ pub(super) fn decode(bytes: &[u8], name: &Path) -> Result<TetrahedralMesh, Tetra
         }
     }
     if version.is_none() {
-        return Err(TetrahedralMeshError::unsupported(name, "is not a Gmsh file: it has no section $MeshFormat"));
+        return Err(TetrahedralMeshError::unsupported(name, NO_FORMAT));
     }
     contents.finish(name)
 }

@@ -27,10 +27,9 @@ impl<S: Simd> Deformation<S> {
     #[cfg_attr(not(unoptimized), inline(always))]
     pub(super) fn new(edges: Columns<S>, inverse: Columns<S>) -> Self {
         let [first, second, third] = inverse;
-        let column = |[a, b, c]: [f32x8<S>; 3]| edges[0].scaled(a).plus(edges[1].scaled(b)).plus(edges[2].scaled(c));
-        let x = column([first.x, second.x, third.x]);
-        let y = column([first.y, second.y, third.y]);
-        let z = column([first.z, second.z, third.z]);
+        let x = combined(edges, [first.x, second.x, third.x]);
+        let y = combined(edges, [first.y, second.y, third.y]);
+        let z = combined(edges, [first.z, second.z, third.z]);
         let cofactors = [y.cross(z), z.cross(x), x.cross(y)];
         let volume = x.dot(cofactors[0]);
         let share = volume - 2.0;
@@ -55,12 +54,18 @@ impl<S: Simd> Deformation<S> {
 
 /// The gradients of a function of `F` by the positions of the corners, given its gradient by `F`.
 #[cfg_attr(not(unoptimized), inline(always))]
-pub(super) fn by_corners<S: Simd>([x, y, z]: Columns<S>, inverse: Columns<S>) -> [VectorLanes<S>; 4] {
-    let [a, b, c] = inverse.map(
-        #[cfg_attr(not(unoptimized), inline(always))]
-        |row| x.scaled(row.x).plus(y.scaled(row.y)).plus(z.scaled(row.z)),
-    );
+pub(super) fn by_corners<S: Simd>(by: Columns<S>, [first, second, third]: Columns<S>) -> [VectorLanes<S>; 4] {
+    // Not `map`, which is not always inlined, and would then call a function for every sum and product.
+    let a = combined(by, [first.x, first.y, first.z]);
+    let b = combined(by, [second.x, second.y, second.z]);
+    let c = combined(by, [third.x, third.y, third.z]);
     [a.plus(b).plus(c).negated(), a, b, c]
+}
+
+/// The sum of the columns, each times its factor.
+#[cfg_attr(not(unoptimized), inline(always))]
+fn combined<S: Simd>([x, y, z]: Columns<S>, [a, b, c]: [f32x8<S>; 3]) -> VectorLanes<S> {
+    x.scaled(a).plus(y.scaled(b)).plus(z.scaled(c))
 }
 
 #[cfg(test)]
