@@ -321,7 +321,7 @@ impl Solver {
             inners.begin_step();
             for _ in 0..settings.iterations {
                 inners.solve(team, bodies, rows, step);
-                attachments.solve(rows.moving());
+                attachments.solve(rows.moving(), (share * duration) as f32);
                 tethers.solve(rows, share as f32);
                 contacts.solve(team, rows.moving());
                 inners.keep_upright(team, rows.moving());
