@@ -100,6 +100,71 @@ fn a_body_between_two_jaws_is_warned_of_once_for_as_long_as_they_are_shut() {
     assert_eq!(about(&warnings, "squeezed").len(), 1, "{warnings:?}");
 }
 
+/// Cells of 0.1 m whose diagonals are 0.14 m long: two edges in three are 0.1 m.
+#[test]
+fn cloth_that_is_thicker_than_its_edges_are_long_is_named_when_it_is_made() {
+    let sheet = cloth(8, 0.1);
+    let spawn = |app: &mut App, thickness: f32, extra: (Name, SelfCollision)| {
+        add(app, &sheet, 0.0, XpbdMaterial::CLOTH, (SurfaceThickness::World(thickness), SweptCollision, extra))
+    };
+    let said = |thickness: f32, scale: f32, ticks: usize| {
+        logged_by(|| {
+            let mut app = app();
+            app.world_mut().resource_mut::<XpbdSettings>().gravity = Vec3::ZERO;
+            let body = spawn(&mut app, thickness, (Name::new("Cape"), SelfCollision));
+            app.world_mut().entity_mut(body).insert(Transform::from_scale(Vec3::splat(scale)));
+            (0..ticks).for_each(|_| tick(&mut app));
+            // Another mesh makes another body.
+            if ticks > 2 {
+                let points: Vec<Vec3> = sheet.positions.iter().map(|&point| Vec3::from(point)).collect();
+                let other = DeformableSurface::from_mesh(&points, &sheet.triangles[1..]).unwrap();
+                app.world_mut().entity_mut(body).insert(other);
+                tick(&mut app);
+            }
+        })
+    };
+    // Twice the thickness is 0.098 m and 0.102 m, as seen from edges of 0.1 m; and of 0.2 m and 0.05 m.
+    for (thickness, scale, is_thick) in
+        [(0.049, 1.0, false), (0.051, 1.0, true), (0.098, 2.0, false), (0.026, 0.5, true)]
+    {
+        let warnings = said(thickness, scale, 2);
+        assert_eq!(about(&warnings, "touches itself at rest").len(), usize::from(is_thick), "{warnings:?}");
+        assert!(!is_thick || warnings[0].contains("(Cape)"), "{warnings:?}");
+    }
+    assert_eq!(about(&said(0.051, 1.0, 3), "touches itself at rest").len(), 2);
+}
+
+#[test]
+fn thick_cloth_that_does_not_meet_itself_at_rest_is_not_warned_of() {
+    let sheet = cloth(8, 0.1);
+    let points: Vec<Vec3> = sheet.positions.iter().map(|&point| Vec3::from(point)).collect();
+    let (surface, rest) = DeformableSurface::from_mesh(&points, &sheet.triangles).unwrap();
+    let sewn = RestContactsIgnored::new(&surface, &rest.0, 0.12).unwrap();
+    let warnings = logged_by(|| {
+        let mut app = app();
+        let thick = (SurfaceThickness::World(0.06), SweptCollision);
+        add(&mut app, &sheet, 0.0, XpbdMaterial::CLOTH, thick);
+        let body = XpbdBody::new(&surface, &rest, XpbdMaterial::CLOTH).unwrap();
+        let far = SurfacePositions(rest.0.iter().map(|at| *at + Vec3::Y * 9.0).collect());
+        app.world_mut().spawn((surface, far, body, thick, SelfCollision, sewn));
+        (0..2).for_each(|_| tick(&mut app));
+    });
+    assert!(about(&warnings, "touches itself at rest").is_empty(), "{warnings:?}");
+}
+
+#[test]
+fn what_is_quarantined_is_called_by_its_name() {
+    let said = logged_by(|| {
+        let mut app = app();
+        let thickness = SurfaceThickness::World(-1.0);
+        add(&mut app, &cloth(2, 0.1), 0.0, XpbdMaterial::CLOTH, (Name::new("Flag"), thickness));
+        app.world_mut().spawn((Name::new("Crate"), RigidShape(SharedShape::ball(-1.0))));
+        tick(&mut app);
+    });
+    let named: Vec<_> = ["(Flag)", "(Crate)"].map(|name| about(&said, name).len()).into();
+    assert_eq!(named, [1, 1], "{said:?}");
+}
+
 #[test]
 fn plugins_that_do_not_fit_are_named_and_stop_nothing() {
     let said = logged_by(|| {

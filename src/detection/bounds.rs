@@ -14,7 +14,7 @@ use crate::{
     },
     schedule::{SurfaceDetection, SurfaceDetectionSystems},
     settings::CircumsphereSettings,
-    surface::{ActiveSurfaces, CheckedPositions, SurfacePositions, SurfaceShape},
+    surface::{ActiveSurfaces, CheckedPositions, Named, SurfacePositions, SurfaceShape},
 };
 
 /// Half the number of triangles from which a surface is worth several threads.
@@ -36,6 +36,7 @@ fn compute_bounds(
     mut diagnostics: ResMut<DetectionDiagnostics>,
     mut states: ResMut<SurfaceStates>,
     mut surfaces: Query<(Ref<SurfacePositions>, &mut CheckedPositions)>,
+    names: Query<&Name>,
 ) {
     diagnostics.begin_detection();
     let start = StageWatch::start(DetectionDiagnostics::FIRST_DETECTION_STAGE);
@@ -81,7 +82,7 @@ fn compute_bounds(
                  {MOST_UNEVEN}): its patches may be farther from the body than its triangles. Use SurfaceShape::Flat, or \
                  a mesh with its vertices on the body and without narrow rounded edges; a smaller crease_angle keeps more \
                  edges sharp",
-                surface.entity
+                Named(surface.entity, names.get(surface.entity).ok())
             );
         }
         diagnostics.surfaces_unmoved += usize::from(!state.has_moved);

@@ -144,6 +144,7 @@ mod settings;
 mod sleep;
 mod solver;
 mod tethers;
+mod thick;
 mod untangle;
 
 use bevy_app::prelude::*;

@@ -20,6 +20,7 @@ use super::{
     settings::XpbdSettings,
     sleep::Sleep,
     solver::{Solved, Solver},
+    thick::warn_of_thick,
 };
 use crate::{
     detection::ImpactsRead,
@@ -30,7 +31,8 @@ use crate::{
     },
     schedule::run_detection,
     surface::{
-        ActiveSurface, ActiveSurfaces, DeformableSurface, SurfacePositions, SurfaceShape, SweptCollision, SweptTarget,
+        ActiveSurface, ActiveSurfaces, DeformableSurface, Named, SurfacePositions, SurfaceShape, SweptCollision,
+        SweptTarget,
     },
 };
 
@@ -331,12 +333,15 @@ fn respond(
         let Ok((positions, Some(body), inside)) = scene.positions.get(surface.entity) else { continue };
         match body.check(&surface.topology, positions.0.len()).and_then(|()| body.check_inside(inside)) {
             Ok(()) => {
+                if body.stood.is_none() {
+                    warn_of_thick(surface, body, scene.name(surface.entity));
+                }
                 gatherer.add_body(solver, &scene, surface, &positions.0, body);
                 moved.push(surface.entity);
             }
             Err(error) => {
                 if !refused.contains(&surface.entity) {
-                    log::warn!("body {} is not moved: {error}", surface.entity);
+                    log::warn!("body {} is not moved: {error}", Named(surface.entity, scene.name(surface.entity)));
                 }
                 diagnostics.refused.push((surface.entity, error));
             }
@@ -408,7 +413,7 @@ pub(super) fn write_back(
     (time, mut sleep): (Option<Res<Time>>, ResMut<Sleep>),
     mut response: ResMut<Response>,
     mut diagnostics: ResMut<XpbdDiagnostics>,
-    mut bodies: Query<(&mut SurfacePositions, &mut XpbdBody, Has<SweptCollision>)>,
+    mut bodies: Query<(&mut SurfacePositions, &mut XpbdBody, Has<SweptCollision>, Option<&Name>)>,
 ) {
     let response = &mut *response;
     response.stopped_last.clear();
@@ -417,14 +422,14 @@ pub(super) fn write_back(
     let mut surfaces = active.surfaces.iter();
     for (&entity, solved) in response.moved.iter().zip(&response.solver.bodies) {
         let Some(surface) = surfaces.find(|surface| surface.entity == entity) else { return };
-        let Ok((mut positions, mut body, is_swept)) = bodies.get_mut(entity) else { continue };
+        let Ok((mut positions, mut body, is_swept, name)) = bodies.get_mut(entity) else { continue };
         let own = surface.pose.inverse();
         let particles = &response.solver.particles;
         if let Some(vertex) = first_out_of_range(&surface.topology, solved.first, particles, &own) {
             body.velocities.fill(Vec3::ZERO);
             let error = XpbdBodyError::OutOfRange(vertex);
             if !response.stopped_last.contains(&entity) {
-                log::warn!("body {entity} was stopped: {error}");
+                log::warn!("body {} was stopped: {error}", Named(entity, name));
             }
             response.stopped.push(entity);
             diagnostics.refused.push((entity, error));
@@ -435,8 +440,9 @@ pub(super) fn write_back(
         if !is_swept && !response.has_warned_of_speed && is_fast(surface, solved.first, particles) {
             response.has_warned_of_speed = true;
             log::warn!(
-                "body {entity} moved farther than its thickness, {}, between two detections: add SweptCollision, or it \
-                 may pass through things. This warning appears once, for the first such body",
+                "body {} moved farther than its thickness, {}, between two detections: add SweptCollision, or it may pass \
+                 through things. This warning appears once, for the first such body",
+                Named(entity, name),
                 surface.least_thickness()
             );
         }

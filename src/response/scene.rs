@@ -38,6 +38,7 @@ pub(super) struct Scene<'w, 's> {
     pub(super) filter: Option<Res<'w, ContactFilter>>,
     detection: Res<'w, CircumsphereSettings>,
     reactions: Query<'w, 's, (), With<SurfaceReaction>>,
+    names: Query<'w, 's, &'static Name>,
     frictions: Query<'w, 's, &'static SurfaceFriction>,
     swept: Query<'w, 's, (), With<SweptCollision>>,
 }
@@ -46,6 +47,10 @@ impl Scene<'_, '_> {
     /// The threads that may work.
     pub(super) fn threads(&self) -> Threads {
         Threads(self.detection.threads)
+    }
+
+    pub(super) fn name(&self, entity: Entity) -> Option<&Name> {
+        self.names.get(entity).ok()
     }
 
     pub(super) fn is_any_swept(&self) -> bool {

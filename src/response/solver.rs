@@ -340,7 +340,7 @@ impl Solver {
             inners.begin_step(bodies, contacts);
             for _ in 0..settings.iterations {
                 inners.solve(team, bodies, rows, step);
-                attachments.solve(rows.moving());
+                attachments.solve(rows.moving(), (share * duration) as f32);
                 tethers.solve(rows, share as f32);
                 contacts.solve(team, rows.moving());
                 if inners.keep_upright(team, rows.moving()) {

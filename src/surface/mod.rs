@@ -9,6 +9,7 @@ mod components;
 mod contact_filter;
 #[cfg(feature = "mesh")]
 mod mesh;
+mod named;
 mod pair_filter;
 mod prepare;
 mod quarantine;
@@ -39,6 +40,7 @@ pub use mesh::{
 };
 #[cfg(feature = "mesh")]
 pub(crate) use mesh::{MeshSystems, OwnMeshes};
+pub(crate) use named::Named;
 pub(crate) use pair_filter::{FilterSide, PairFilter};
 pub use prepare::SurfacePlugin;
 pub(crate) use prepare::{GatherSurfaces, PendingQuarantines, Transforms};

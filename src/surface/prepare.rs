@@ -22,6 +22,7 @@ use super::{
         SurfaceDisabled, SurfaceFrame, SurfaceLayers, SurfaceOrder, SurfacePositions, SurfaceShape, SurfaceStatus,
         SurfaceThickness, Teleported,
     },
+    named::Named,
     quarantine::{QuarantineReason, SurfaceQuarantined},
     query_only::QueryOnly,
     rest_contacts::RestContactsIgnored,
@@ -81,6 +82,7 @@ pub(crate) struct PendingQuarantines(pub(crate) Vec<SurfaceQuarantined>);
 #[query_data(mutable)]
 struct SurfaceItem {
     entity: Entity,
+    name: Option<&'static Name>,
     surface: Ref<'static, DeformableSurface>,
     positions: Ref<'static, SurfacePositions>,
     checked: &'static mut CheckedPositions,
@@ -171,7 +173,7 @@ fn without_scale(affine: &DAffine3) -> DAffine3 {
 
 /// Sets the status, and queues a message if a quarantine is new. Another reason for the same quarantine is not new.
 fn update_status(
-    entity: Entity,
+    (entity, name): (Entity, Option<&Name>),
     status: &mut Mut<SurfaceStatus>,
     next: SurfaceStatus,
     quarantines: &mut PendingQuarantines,
@@ -179,7 +181,7 @@ fn update_status(
     let was_quarantined = matches!(**status, SurfaceStatus::Quarantined(_));
     status.set_if_neq(next);
     if !was_quarantined && let SurfaceStatus::Quarantined(reason) = &**status {
-        log::warn!("surface or shape {entity} is quarantined: {reason}");
+        log::warn!("surface or shape {} is quarantined: {reason}", Named(entity, name));
         quarantines.0.push(SurfaceQuarantined { entity, reason: reason.clone() });
     }
 }
@@ -242,7 +244,7 @@ fn gather_surfaces(
                 Err(reason) => SurfaceStatus::Quarantined(reason),
             }
         };
-        update_status(item.entity, &mut item.status, next, &mut quarantines);
+        update_status((item.entity, item.name), &mut item.status, next, &mut quarantines);
     }
     diagnostics.finish(watch, 0, 0);
 }
@@ -319,6 +321,7 @@ fn is_in_range(largest: f32, pose: &Pose) -> bool {
 #[query_data(mutable)]
 struct ShapeItem {
     entity: Entity,
+    name: Option<&'static Name>,
     shape: Ref<'static, PreparedShape>,
     mesh: Option<(&'static RigidMesh, Ref<'static, SurfacePositions>, &'static mut CheckedPositions)>,
     status: &'static mut SurfaceStatus,
@@ -355,7 +358,7 @@ fn gather_shapes(
                 Err(reason) => SurfaceStatus::Quarantined(reason),
             }
         };
-        update_status(item.entity, &mut item.status, next, &mut quarantines);
+        update_status((item.entity, item.name), &mut item.status, next, &mut quarantines);
     }
     active.surfaces.sort_unstable_by_key(|surface| surface.order);
     active.shapes.sort_unstable_by_key(|shape| shape.order);

@@ -403,3 +403,49 @@ fn a_canvas_throws_no_ball_higher_than_it_fell_from() {
         assert!(place.y > -HEIGHT, "{mass} kg: it is on the canvas, not below: {place}");
     }
 }
+
+/// A canvas that is pinned all around holds on to its pins again when the ball has left that it could push back, and is then
+/// longer than its way along the edges. It contracts much as where something to push stays near, so that it does not hold on.
+#[test]
+fn a_stretched_canvas_that_holds_on_to_its_pins_again_is_not_thrown() {
+    const CELLS: u32 = 24;
+    const RADIUS: f32 = 0.2;
+    // The most energy, and the longest way in a tick, after the ball has left.
+    let [held, free] = [false, true].map(|is_free| {
+        let mut scene = Scene::new();
+        scene.settings().gravity = Vec3::ZERO;
+        let is_outer = |place: u32| place == 0 || place == CELLS;
+        let is_pinned = |&vertex: &u32| is_outer(vertex % (CELLS + 1)) || is_outer(vertex / (CELLS + 1));
+        let pins = (0..(CELLS + 1) * (CELLS + 1)).filter(is_pinned).map(VertexId);
+        let extra = (SurfaceThickness::World(0.01), SelfCollision, SweptCollision);
+        let mesh = sheet(CELLS as usize, 1.2);
+        let body = scene.add_changed(&mesh, XpbdMaterial::CLOTH, |body| body.pinned(pins), extra);
+        let ball = |place| (RigidShape(SharedShape::ball(RADIUS)), SurfaceReaction::default(), place);
+        // Near enough to be pushed, and touched by nothing.
+        let aside = scene.app.world_mut().spawn(ball(Transform::from_xyz(1.2, 0.5, 0.0))).id();
+        let depth = |tick: u16| Transform::from_xyz(0.0, RADIUS + 0.02 - 0.01 * f32::from(tick), 0.0);
+        let ball = scene.app.world_mut().spawn(ball(depth(0))).id();
+        for tick in 1..=60 {
+            scene.app.world_mut().entity_mut(ball).insert(depth(tick));
+            scene.tick(TICK);
+        }
+        let deepest = scene.positions(body).iter().map(|at| at.y).fold(0.0, f32::min);
+        assert!(deepest < -0.5, "the ball pushes it down: {deepest}");
+        scene.app.world_mut().despawn(ball);
+        if !is_free {
+            scene.app.world_mut().despawn(aside);
+        }
+        let (mut energy, mut farthest) = (0.0_f64, 0.0_f32);
+        for _ in 0..120 {
+            let before = scene.positions(body).to_vec();
+            scene.tick(TICK);
+            let ways = scene.positions(body).iter().zip(&before).map(|(now, before)| now.distance(*before));
+            farthest = farthest.max(ways.fold(0.0, f32::max));
+            energy = energy.max(scene.body(body).kinetic_energy());
+        }
+        [energy, f64::from(farthest)]
+    });
+    // Where a vertex comes back in one substep, the canvas has six times the energy, and moves by its width in a tick.
+    let is_calm = held.iter().zip(free).all(|(held, free)| *held < 1.5 * free);
+    assert!(is_calm, "{held:?} J, and m a tick; {free:?} where nothing holds");
+}

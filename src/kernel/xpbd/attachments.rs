@@ -10,6 +10,10 @@ use glam::DVec3;
 use super::rows::{Gathered, MovingRows, NOBODY, Places, gather, row_of, scatter_free, set_lane};
 use crate::kernel::simd::lanes::{VectorLanes, VectorRows, WIDTH};
 
+/// How fast a particle comes back that begins a tick too far away, in longest distances per second. Faster, it would be
+/// thrown: what it moves in a substep becomes its velocity. Springs bring it back faster than that where they can.
+const RETURN_RATE: f32 = 10.0;
+
 /// Eight attachments.
 #[derive(Clone, Debug)]
 struct Block {
@@ -19,6 +23,8 @@ struct Block {
     /// From the anchor to the particle, at the beginning of the tick.
     start: VectorRows,
     longest: [f32; WIDTH],
+    /// The distance at the beginning of the tick.
+    first: [f32; WIDTH],
 }
 
 impl Block {
@@ -27,6 +33,7 @@ impl Block {
         anchors: [NOBODY; WIDTH],
         start: VectorRows::ZERO,
         longest: [f32::INFINITY; WIDTH],
+        first: [0.0; WIDTH],
     };
 }
 
@@ -52,23 +59,27 @@ impl Attachments {
             let Some(block) = self.blocks.last_mut() else { return };
             block.particles[lane] = row_of(particle);
             block.anchors[lane] = row_of(anchor);
-            set_lane(&mut block.start, lane, start[particle] - start[anchor]);
+            let offset = start[particle] - start[anchor];
+            set_lane(&mut block.start, lane, offset);
             block.longest[lane] = longest as f32;
+            block.first[lane] = offset.length() as f32;
         }
     }
 
-    /// Moves every particle that is too far away straight to the longest distance.
-    pub fn solve(&self, rows: MovingRows<'_>) {
-        dispatch!(simd => self.solve_in_lanes(simd, rows));
+    /// Moves every particle that is too far away straight to the longest distance. One that began the tick too far away
+    /// comes back to it gradually, and gets no farther. `passed` is the time since then, in seconds.
+    pub fn solve(&self, rows: MovingRows<'_>, passed: f32) {
+        dispatch!(simd => self.solve_in_lanes(simd, rows, passed));
     }
 
     #[cfg_attr(not(unoptimized), inline(always))]
-    fn solve_in_lanes<S: Simd>(&self, simd: S, rows: MovingRows<'_>) {
-        for Block { particles, anchors, start, longest } in &self.blocks {
+    fn solve_in_lanes<S: Simd>(&self, simd: S, rows: MovingRows<'_>, passed: f32) {
+        for Block { particles, anchors, start, longest, first } in &self.blocks {
             let particle = gather(simd, &rows.displacement, particles);
             let anchor = gather(simd, &rows.displacement, anchors);
             let offset = VectorLanes::load(simd, start).plus(particle.vector - anchor.vector);
             let (squared, longest) = (offset.dot(offset), f32x8::from_slice(simd, longest));
+            let longest = longest.max(f32x8::from_slice(simd, first) - longest * (RETURN_RATE * passed));
             let is_far = squared.simd_gt(longest * longest);
             if !is_far.any_true() {
                 continue;
@@ -100,7 +111,7 @@ mod tests {
         start[11] = DVec3::ZERO;
         attachments.add((0..11).map(|number| ([number, 11], 1.5)), &start);
         rows.predict(1.0, Vec3::ZERO, 1.0);
-        attachments.solve(rows.moving());
+        attachments.solve(rows.moving(), 1.0);
         let mut held = 0;
         for number in 0..11 {
             let free = DVec3::X + away(number) - DVec3::Y;
@@ -112,5 +123,24 @@ mod tests {
         }
         assert!(held > 3 && held < 11, "{held} were too far away");
         assert_eq!(rows.state(11)[0], DVec3::Y);
+    }
+
+    #[test]
+    fn a_particle_that_begins_too_far_away_comes_back_gradually() {
+        // At rest, 3 m from an anchor that holds it within 2 m; and driven away.
+        for (velocity, passed, expected) in
+            [(DVec3::ZERO, 0.0, 3.0), (DVec3::ZERO, 0.01, 2.8), (DVec3::ZERO, 0.07, 2.0), (DVec3::X, 0.01, 2.8)]
+        {
+            let mut rows = ParticleRows::default();
+            let particle = Placed { way: DVec3::ZERO, velocity, inverse_mass: 1.0 };
+            rows.begin([particle, Placed { velocity: DVec3::ZERO, inverse_mass: 0.0, ..particle }].into_iter());
+            let start = [DVec3::new(4.0, 1.0, 0.0), DVec3::new(1.0, 1.0, 0.0)];
+            let mut attachments = Attachments::default();
+            attachments.add([([0, 1], 2.0)].into_iter(), &start);
+            rows.predict(1.0, Vec3::ZERO, 1.0);
+            attachments.solve(rows.moving(), passed);
+            let distance = (start[0] + rows.state(0)[0]).distance(start[1]);
+            assert!((distance - expected).abs() < 1e-6, "{velocity} after {passed} s: {distance}");
+        }
     }
 }

@@ -23,8 +23,8 @@ use crate::{
         tethers::{Tether, TetherTarget, XpbdTethers},
     },
     surface::{
-        DeformableSurface, OwnMeshes, Sidedness, SurfaceDisabled, SurfaceFrame, SurfaceFromMesh, SurfacePositions,
-        Transforms, WriteSurfaceToMesh,
+        DeformableSurface, Named, OwnMeshes, Sidedness, SurfaceDisabled, SurfaceFrame, SurfaceFromMesh,
+        SurfacePositions, Transforms, WriteSurfaceToMesh,
     },
 };
 
@@ -145,8 +145,7 @@ pub(super) fn dress(
         }
         if let Some(reason) = reason {
             let entity = item.entity;
-            let name = item.name.map_or_else(String::new, |name| format!(" ({name})"));
-            log::warn!("garment {entity}{name} is not worn: {reason}");
+            log::warn!("garment {} is not worn: {reason}", Named(entity, item.name));
             let message = XpbdGarmentNotWorn { entity, reason };
             commands.trigger(message.clone());
             messages.write(message);

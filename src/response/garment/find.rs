@@ -4,6 +4,7 @@ use bevy_ecs::{entity::EntityHashSet, entity_disabling::Disabled, prelude::*, qu
 use bevy_mesh::Mesh3d;
 
 use super::components::{XpbdGarment, XpbdGarments};
+use crate::surface::Named;
 
 type New = Or<(Added<Mesh3d>, Changed<ChildOf>, Changed<XpbdGarments>)>;
 
@@ -19,6 +20,7 @@ pub(super) fn find_garments(
     parents: Query<&ChildOf, Any>,
     children: Query<&Children, Any>,
     names: Query<&Name, Any>,
+    mut told: Local<EntityHashSet>,
 ) {
     let mut fresh = EntityHashSet::default();
     let mut due = Vec::new();
@@ -36,13 +38,27 @@ pub(super) fn find_garments(
         let below = children.iter_descendants(root).filter(|&entity| {
             meshes.contains(entity) && parents.iter_ancestors(entity).find(|&above| roots.contains(above)) == Some(root)
         });
+        let below: Vec<Entity> = below.collect();
         let listed = |name: &str| name == garments.skin || garments.by_name.contains_key(name);
-        let named = below.filter_map(|entity| {
+        let names_of = |entity| {
             let above = std::iter::once(entity).chain(parents.iter_ancestors(entity));
-            let mut names = above.take_while(|&above| above != root).filter_map(|above| names.get(above).ok());
-            Some((entity, names.find(|name| listed(name))?.as_str()))
-        });
+            above.take_while(|&above| above != root).filter_map(|above| names.get(above).ok()).map(Name::as_str)
+        };
+        let named = below.iter().filter_map(|&entity| Some((entity, names_of(entity).find(|name| listed(name))?)));
         let named: Vec<(Entity, &str)> = named.collect();
+        let mut missing: Vec<&str> = garments.by_name.keys().map(String::as_str).collect();
+        missing.retain(|&wanted| named.iter().all(|&(_, name)| name != wanted));
+        if !(missing.is_empty() || below.is_empty()) && told.insert(root) {
+            missing.sort_unstable();
+            let mut there: Vec<&str> = below.iter().flat_map(|&entity| names_of(entity)).collect();
+            there.sort_unstable();
+            there.dedup();
+            log::warn!(
+                "no mesh below {} is called {missing:?}, so there is no such garment yet: meshes, and what they are below, are \
+                 called {there:?}",
+                Named(root, names.get(root).ok())
+            );
+        }
         let mut skins: Vec<Entity> = named.iter().filter(|(_, name)| *name == garments.skin).map(|of| of.0).collect();
         skins.sort_unstable();
         for (entity, name) in named {

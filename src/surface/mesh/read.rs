@@ -28,6 +28,7 @@ use crate::{
     kernel::mesh::skinning::{morph, skin},
     surface::{
         components::{DeformableSurface, SurfaceDisabled, SurfaceFrame, SurfacePositions, SurfaceStatus},
+        named::Named,
         prepare::{PendingQuarantines, Transforms},
         quarantine::{QuarantineReason, SurfaceQuarantined},
     },
@@ -274,8 +275,7 @@ pub(super) fn report_failures(
         let failure = link.bypass_change_detection().failure.as_mut();
         if let Some(failure) = failure.filter(|failure| !failure.is_reported) {
             failure.is_reported = true;
-            let name = name.map_or_else(String::new, |name| format!(" ({name})"));
-            log::warn!("surface {entity}{name} is quarantined: {}", failure.reason);
+            log::warn!("surface {} is quarantined: {}", Named(entity, name), failure.reason);
             let reason = QuarantineReason::Mesh(failure.reason.clone());
             quarantines.0.push(SurfaceQuarantined { entity, reason });
         }

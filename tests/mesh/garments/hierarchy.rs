@@ -5,7 +5,7 @@ use bevy_circumsphere::{prelude::*, response::*};
 use bevy_ecs::prelude::*;
 use bevy_mesh::Mesh3d;
 use bevy_transform::components::Transform;
-use circumsphere_support::scenes;
+use circumsphere_support::{scenes, warnings};
 
 use super::character::{THICKNESS, Walker, app, crossings, is_worn, skirt, tethers, tick};
 use crate::world::{add, indexed};
@@ -129,4 +129,27 @@ fn what_the_game_has_removed_or_named_itself_stays() {
     tick(&mut app);
     assert!(!app.world().entity(skirt).contains::<XpbdGarment>() && is_worn(&app, skirt), "body and tethers stay");
     assert!(is_worn(&app, late));
+}
+
+#[test]
+fn a_garment_whose_name_no_mesh_has_is_told_once_with_the_names_that_there_are() {
+    warnings::kept();
+    let mut app = app();
+    let mut walker = Walker::new(&mut app, 0.0);
+    let (skin, mesh) = (walker.skin(&mut app), add(&mut app, indexed(&skirt())));
+    let misspelt = garments().with_name("Skrit", XpbdGarment::default());
+    let root = root(&mut app, misspelt);
+    app.world_mut().entity_mut(root).insert(Name::new("Misspelling"));
+    // Nothing is below it yet.
+    tick(&mut app);
+    let told = || warnings::kept().into_iter().filter(|line| line.contains("Misspelling")).collect::<Vec<_>>();
+    assert!(told().is_empty(), "{:?}", told());
+    node(&mut app, root, "Skirt", mesh.clone());
+    node(&mut app, root, "Skin", skin);
+    walker.walk(&mut app);
+    node(&mut app, root, "Hat", mesh);
+    walker.walk(&mut app);
+    let told = told();
+    assert_eq!(told.len(), 1, "{told:?}");
+    assert!(["\"Skrit\"", "\"Skirt\"", "\"Skin\""].iter().all(|name| told[0].contains(name)), "{told:?}");
 }
