@@ -190,7 +190,9 @@ impl Inners {
             return false;
         }
         share(team, slabs, |part| part.keep_upright(rows));
-        between.iter_mut().for_each(|part| part.keep_upright(rows));
+        for part in &mut *between {
+            part.keep_upright(rows);
+        }
         if between.iter().any(|part| part.tetrahedra.is_any_raised()) {
             share(team, slabs, |part| part.keep_upright(rows));
         }

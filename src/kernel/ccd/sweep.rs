@@ -95,7 +95,9 @@ pub struct Sweep<'a> {
 pub struct SweepLeaves {
     items: Vec<(u32, Aabb)>,
     leaves: BoxTree,
-    /// If one surface is swept against itself.
+    /// For one surface that is swept against itself: which of its triangles are in the leaves.
+    has: Vec<bool>,
+    /// Likewise, what is known of its stars.
     stars: PlainStars,
 }
 
@@ -132,11 +134,6 @@ impl Sweep<'_> {
         other.drift() - own.drift()
     }
 
-    /// Whether a triangle of a surface that is swept against itself is in the leaves. Of every pair, at least one is.
-    fn is_in_leaves(tree: &SweepTree, triangle: u32) -> bool {
-        if tree.is_all_asked() { tree.is_fast(triangle, 0.0) } else { tree.is_asked(triangle) }
-    }
-
     /// Finds the triangles of one side that may meet the other side.
     ///
     /// # Panics
@@ -146,13 +143,20 @@ impl Sweep<'_> {
             assert_eq!(mesh.topology.triangles().len(), tree.boxes().len(), "the boxes are updated before a sweep");
         }
         leaves.items.clear();
+        leaves.has.clear();
         let [own, other] = self.sides();
+        if self.same_surface {
+            // Of every pair, at least one.
+            let is_all_asked = own.is_all_asked();
+            let has = |triangle: u32| if is_all_asked { own.is_fast(triangle, 0.0) } else { own.is_asked(triangle) };
+            leaves.has.extend((0..own.boxes().len() as u32).map(has));
+        }
         let (growth, way) = (rounded_up(self.separation), self.turn_to_other());
         let farther = way.length();
         let mut add = |triangle: u32| {
             let bounds = moved_along(&own.boxes()[triangle as usize], way).grown(growth);
             let is_needed = if self.same_surface {
-                Self::is_in_leaves(own, triangle)
+                leaves.has[triangle as usize]
             } else {
                 bounds.overlaps(if own.is_fast(triangle, farther) { other.bounds() } else { other.fast_bounds() })
                     && (own.is_asked(triangle) || bounds.overlaps(other.asked_bounds()))
@@ -168,7 +172,8 @@ impl Sweep<'_> {
         }
         leaves.leaves.collect_leaves(&leaves.items);
         if self.same_surface && !leaves.items.is_empty() {
-            leaves.stars.find(&self.a.0, self.separation, |triangle| Self::is_in_leaves(own, triangle));
+            let has = &leaves.has;
+            leaves.stars.find(&self.a.0, self.separation, |triangle| has[triangle as usize]);
         }
     }
 
@@ -199,35 +204,40 @@ impl Sweep<'_> {
             }
         }
         let (asks_second, farther) = (self.asks_second(), way.length());
+        let is_all_asked = own.is_all_asked();
+        let mut count = 0;
         candidates.retain_mut(|pair| {
             let [first, second] = *pair;
             if self.same_surface {
                 *pair = [first.min(second), first.max(second)];
-                if first == second || first > second && Self::is_in_leaves(other, second) {
+                if first == second || first > second && leaves.has[second as usize] {
                     return false;
                 }
             } else if !asks_second {
                 *pair = [second, first];
             }
-            (own.is_fast(first, farther) || other.is_fast(second, 0.0))
-                && (own.is_asked(first) || other.is_asked(second))
+            let is_any_fast = || own.is_fast(first, farther) || other.is_fast(second, 0.0);
+            // If all are asked about, the leaves of one surface hold what is fast.
+            if !(self.same_surface && is_all_asked || is_any_fast()) || !(own.is_asked(first) || other.is_asked(second))
+            {
+                return false;
+            }
+            count += 1;
+            if self.same_surface {
+                let [a, b] = [first, second].map(|triangle| self.a.0.topology.welded_triangles()[triangle as usize]);
+                if share_corner(a, b) {
+                    return !leaves.stars.cover(a, b);
+                }
+            }
+            self.may_meet(*pair)
         });
-        let count = candidates.len();
-        candidates.retain(|pair| self.may_meet(*pair, &leaves.stars));
         first_impacts(&self.a.0.side(), &self.b.0.side(), self.same_surface, candidates, self.separation, impacts);
         count
     }
 
-    /// Whether two triangles may meet, given what is known of the stars of their vertices, or a lower bound of their
-    /// distance at the start.
-    fn may_meet(&self, [a, b]: [u32; 2], stars: &PlainStars) -> bool {
+    /// Whether two triangles without a common vertex may meet, given what is known of their distance at the start.
+    fn may_meet(&self, [a, b]: [u32; 2]) -> bool {
         let ((mesh_a, tree_a), (mesh_b, tree_b)) = (&self.a, &self.b);
-        if self.same_surface {
-            let [corners_a, corners_b] = [a, b].map(|triangle| mesh_a.topology.welded_triangles()[triangle as usize]);
-            if share_corner(corners_a, corners_b) {
-                return !stars.cover(corners_a, corners_b);
-            }
-        }
         let (Some(reach_a), Some(reach_b)) = (tree_a.known_reach(a), tree_b.known_reach(b)) else { return true };
         let clear = reach_a + reach_b - self.separation;
         if clear <= 0.0 {

@@ -38,6 +38,8 @@ pub struct SweepTree {
     /// Whether each triangle is asked about.
     asked: Vec<bool>,
     fast_count: usize,
+    /// The least that a triangle lacks to be fast.
+    slack: f64,
     asked_count: usize,
     bounds: Aabb,
     fast_bounds: Aabb,
@@ -156,8 +158,9 @@ impl SweepTree {
         self.asked.clear();
         self.asked.resize(self.boxes.len(), true);
         (self.asked_count, self.asked_bounds) = (self.boxes.len(), self.bounds);
-        (self.fast_count, self.fast_bounds) = (0, Aabb::EMPTY);
+        (self.fast_count, self.fast_bounds, self.slack) = (0, Aabb::EMPTY, f64::INFINITY);
         for triangle in 0..self.boxes.len() {
+            self.slack = self.slack.min(self.reach(triangle) - self.ways[triangle]);
             if self.is_fast(triangle as u32, 0.0) {
                 self.fast_count += 1;
                 self.fast_bounds = self.fast_bounds.union(&self.boxes[triangle]);
@@ -237,12 +240,22 @@ impl SweepTree {
     /// Whether a triangle is fast, in a frame that moves by `farther` relative to that of the boxes.
     #[must_use]
     pub fn is_fast(&self, triangle: u32, farther: f64) -> bool {
-        let triangle = triangle as usize;
-        let reach = match &self.reaches {
+        self.ways[triangle as usize] + farther > self.reach(triangle as usize)
+    }
+
+    fn reach(&self, triangle: usize) -> f64 {
+        match &self.reaches {
             Reaches::One(reach) => *reach,
             Reaches::Each(reaches) => reaches[triangle],
-        };
-        self.ways[triangle] + farther > reach
+        }
+    }
+
+    /// Whether a triangle of this mesh or of another one may be fast, in the frame of either.
+    #[must_use]
+    pub fn is_any_fast(&self, other: &Self) -> bool {
+        let farther = self.drift.distance(other.drift);
+        // Rounding may make a triangle fast that lacks as much.
+        farther > 0.999 * self.slack.min(other.slack)
     }
 
     pub(super) fn is_asked(&self, triangle: u32) -> bool {

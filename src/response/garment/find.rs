@@ -12,6 +12,7 @@ type New = Or<(Added<Mesh3d>, Changed<ChildOf>, Changed<XpbdGarments>)>;
 type Any = Allow<Disabled>;
 
 /// Inserts [`XpbdGarment`] into meshes that are new below a root, and adds new skins to those that are there.
+#[expect(clippy::too_many_arguments, reason = "a system that looks for meshes by name below characters")]
 pub(super) fn find_garments(
     mut commands: Commands,
     changed: Query<Entity, (New, Any)>,

@@ -81,10 +81,10 @@ pub fn tetrahedral_pile() -> Vec<TetrahedralMesh> {
     let boxes = tetrahedral_box([7, 5, 5], HALF_EXTENTS_OF_BOX);
     let ball = tetrahedral_ball(6, RADIUS_OF_BALL);
     let body = |number: usize| {
-        let (mesh, [x, y, z]) = if number % 2 == 0 { (&boxes, PLACE_OF_BOX) } else { (&ball, PLACE_OF_BALL) };
+        let (mesh, [x, y, z]) = if number.is_multiple_of(2) { (&boxes, PLACE_OF_BOX) } else { (&ball, PLACE_OF_BALL) };
         // Each pair is mirrored below the next one.
         let level = (number / 2) as f64;
-        let mirror = if number / 2 % 2 == 0 { 1.0 } else { -1.0 };
+        let mirror = if (number / 2).is_multiple_of(2) { 1.0 } else { -1.0 };
         let place = [mirror * x, y + RISE * level, mirror * z];
         // Each is turned about two axes, by angles of its own.
         let turns = [0.7, 0.4].map(|angle: f64| libm::sincos(angle * (number + 1) as f64));
