@@ -5,6 +5,7 @@ mod deep;
 mod exact;
 mod files;
 mod inside;
+mod masses;
 mod motion;
 mod penetration;
 mod pile;

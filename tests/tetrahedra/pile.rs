@@ -1,11 +1,16 @@
 //! Bodies fall on the ground and on each other, and come to rest.
 
-use bevy_circumsphere::{prelude::*, response::*};
+use std::f64::consts::FRAC_PI_2;
+
+use bevy_circumsphere::{CircumsphereSettings, prelude::*, response::*};
 use bevy_transform::components::Transform;
-use circumsphere_support::tetrahedra::{
-    HALF_WIDTH_OF_PIT, TetrahedralMesh, WALLS_OF_PIT, tetrahedral_ball, tetrahedral_box, tetrahedral_pile,
+use circumsphere_support::{
+    random::Random,
+    tetrahedra::{
+        HALF_WIDTH_OF_PIT, TetrahedralMesh, WALLS_OF_PIT, tetrahedral_ball, tetrahedral_box, tetrahedral_pile,
+    },
 };
-use glam::{DVec3, Vec3};
+use glam::{DQuat, DVec3, Vec3};
 
 use crate::{
     files::bodies,
@@ -15,14 +20,8 @@ use crate::{
 /// Ticks in a row in which all bodies must be at rest.
 const REST: usize = 60;
 
-/// Drops bodies between walls, and returns the world when they have come to rest, with the number of ticks. They have so
-/// many ticks for it.
-fn dropped(
-    meshes: &[TetrahedralMesh],
-    walls: &[[f32; 3]],
-    ticks: usize,
-    material: XpbdMaterial,
-) -> (World, Vec<Solid>, usize) {
+/// Bodies above the ground, between walls.
+fn above_ground(meshes: &[TetrahedralMesh], walls: &[[f32; 3]], material: XpbdMaterial) -> (World, Vec<Solid>) {
     let mut world = World::new();
     world.settings().gravity = Vec3::NEG_Y * 9.81;
     world.app.world_mut().spawn(RigidShape(SharedShape::halfspace(Vec3::Y)));
@@ -30,7 +29,19 @@ fn dropped(
         let at = Transform::from_translation(normal * -(HALF_WIDTH_OF_PIT as f32));
         world.app.world_mut().spawn((RigidShape(SharedShape::halfspace(normal)), at));
     }
-    let solids: Vec<Solid> = meshes.iter().map(|mesh| world.add(mesh, material, SelfCollision)).collect();
+    let solids = meshes.iter().map(|mesh| world.add(mesh, material, SelfCollision)).collect();
+    (world, solids)
+}
+
+/// Drops bodies between walls, and returns the world when they have come to rest, with the number of ticks, or else the
+/// speed of the fastest vertex of each. They have so many ticks for it.
+fn dropped(
+    meshes: &[TetrahedralMesh],
+    walls: &[[f32; 3]],
+    ticks: usize,
+    material: XpbdMaterial,
+) -> Result<(World, Vec<Solid>, usize), Vec<f32>> {
+    let (mut world, solids) = above_ground(meshes, walls, material);
     let mut resting = 0;
     for tick in 0..ticks {
         world.tick();
@@ -48,11 +59,10 @@ fn dropped(
         resting = if solids.iter().all(is_at_rest) { resting + 1 } else { 0 };
         if resting == REST {
             assert_on_the_ground(&world, &solids);
-            return (world, solids, tick + 1 - REST);
+            return Ok((world, solids, tick + 1 - REST));
         }
     }
-    let fastest: Vec<f32> = solids.iter().map(|solid| world.fastest(solid)).collect();
-    panic!("they have not come to rest in {ticks} ticks: {fastest:?} m/s");
+    Err(solids.iter().map(|solid| world.fastest(solid)).collect())
 }
 
 fn assert_on_the_ground(world: &World, solids: &[Solid]) {
@@ -66,15 +76,52 @@ fn assert_on_the_ground(world: &World, solids: &[Solid]) {
 fn boxes_come_to_rest_on_each_other_without_an_inverted_tetrahedron() {
     // Without the balls, which roll for long.
     let boxes: Vec<TetrahedralMesh> = tetrahedral_pile().into_iter().step_by(2).take(4).collect();
-    dropped(&boxes, &[], 600, XpbdMaterial::SOLID);
+    let dropped = dropped(&boxes, &[], 600, XpbdMaterial::SOLID);
+    assert!(dropped.is_ok(), "{:?} m/s", dropped.err());
 }
 
-#[test]
-#[ignore = "takes minutes"]
-fn ten_bodies_of_a_thousand_tetrahedra_come_to_rest_without_an_inverted_one() {
+/// The ten bodies of the pile in another order, each level turned about the pit's axis by some quarters, each body turned
+/// about its center, and shifted. Seed 0 leaves them as they are.
+fn arranged(seed: u64) -> Vec<TetrahedralMesh> {
+    let mut meshes = tetrahedral_pile();
+    if seed == 0 {
+        return meshes;
+    }
+    let mut random = Random::new(seed);
+    for level in meshes.chunks_mut(2) {
+        let quarter = DQuat::from_rotation_y(FRAC_PI_2 * random.below(4) as f64);
+        for TetrahedralMesh { positions, .. } in level {
+            let center = positions.iter().map(|at| Vec3::from_array(*at).as_dvec3()).sum::<DVec3>();
+            let center = center / positions.len() as f64;
+            let turn = DQuat::from_array(std::array::from_fn(|_| f64::from(random.signed_unit()))).normalize();
+            // There is no more room beside them.
+            let shift = DVec3::new(0.005, 0.03, 0.005)
+                * DVec3::from_array(std::array::from_fn(|_| f64::from(random.signed_unit())));
+            for at in positions {
+                let from_center = Vec3::from_array(*at).as_dvec3() - center;
+                *at = (quarter * center + turn * from_center + shift).as_vec3().to_array();
+            }
+        }
+    }
+    for end in (2..=meshes.len()).rev() {
+        meshes.swap(end - 1, random.below(end as u64) as usize);
+    }
+    meshes
+}
+
+/// Returns the moduli with which they do not come to rest.
+fn ten_come_to_rest(seed: u64) -> Vec<f32> {
+    let mut trembling = Vec::new();
     for young_modulus in [3.0e4, 1.0e5, 1.0e6] {
         let material = XpbdMaterial { young_modulus, ..XpbdMaterial::SOLID };
-        let (world, solids, ticks) = dropped(&tetrahedral_pile(), &WALLS_OF_PIT, 1800, material);
+        let (world, solids, ticks) = match dropped(&arranged(seed), &WALLS_OF_PIT, 1800, material) {
+            Ok(dropped) => dropped,
+            Err(fastest) => {
+                println!("arrangement {seed}, {young_modulus:e}: not at rest, {fastest:?} m/s");
+                trembling.push(young_modulus);
+                continue;
+            }
+        };
         let count: usize = solids.iter().map(|solid| solid.tetrahedra.len()).sum();
         assert!(count >= 10_000);
         let heights: Vec<[f64; 2]> = solids
@@ -91,7 +138,7 @@ fn ten_bodies_of_a_thousand_tetrahedra_come_to_rest_without_an_inverted_one() {
             .fold([0.0; 2], |sum, volumes| [sum[0] + volumes[0], sum[1] + volumes[1]]);
         let carried = heights.iter().filter(|[low, _]| *low > 0.05).count();
         println!(
-            "{young_modulus:e}: at rest after {ticks} ticks, {highest:.3} m high, with {:.4} of the volume; {carried} of \
+            "arrangement {seed}, {young_modulus:e}: at rest after {ticks} ticks, {highest:.3} m high, with {:.4} of the volume; {carried} of \
              the bodies are not on the ground",
             now / at_rest
         );
@@ -103,6 +150,32 @@ fn ten_bodies_of_a_thousand_tetrahedra_come_to_rest_without_an_inverted_one() {
         assert!(highest > now / floor, "{highest}");
         assert!(carried > 1, "all are on the ground: {heights:?}");
     }
+    trembling
+}
+
+#[test]
+#[ignore = "takes minutes"]
+fn ten_bodies_of_a_thousand_tetrahedra_come_to_rest_without_an_inverted_one() {
+    assert!(ten_come_to_rest(0).is_empty());
+}
+
+#[test]
+#[ignore = "takes minutes, and some tremble: see docs/tetrahedra.md"]
+fn ten_bodies_in_other_arrangements_come_to_rest_without_an_inverted_one() {
+    let trembling: Vec<Vec<f32>> = (1..=3).map(ten_come_to_rest).collect();
+    assert!(trembling.iter().all(Vec::is_empty), "{trembling:?}");
+}
+
+#[test]
+fn a_pile_is_the_same_for_any_number_of_threads() {
+    let positions = |threads: usize| {
+        let (mut world, solids) = above_ground(&tetrahedral_pile(), &WALLS_OF_PIT, XpbdMaterial::SOLID);
+        world.app.world_mut().resource_mut::<CircumsphereSettings>().threads = threads;
+        // By then the lowest have hit the ground.
+        world.run(30);
+        solids.iter().flat_map(|solid| world.positions(solid)).collect::<Vec<DVec3>>()
+    };
+    assert!(positions(1) == positions(2), "positions differ");
 }
 
 #[test]
