@@ -156,7 +156,7 @@ impl Inners {
     fn begin_step(&mut self, bodies: &[SolverBody], contacts: &SolverContacts) {
         for part in self.slabs.iter_mut().chain(&mut self.between) {
             let SolverBody { first, topology, .. } = &bodies[part.body];
-            part.is_touched = self.has_tetrahedra && contacts.touches(*first..first + topology.vertex_count());
+            part.is_touched = !part.tetrahedra.is_empty() && contacts.touches(*first..first + topology.vertex_count());
             part.begin_step();
         }
         self.volumes.begin_step();

@@ -43,8 +43,8 @@ struct Outer<Vector> {
 }
 
 impl PlainStars {
-    /// Tests the stars of all vertices around which at least one triangle is asked about. Features in a plain star that share no
-    /// vertex stay farther than `separation` apart.
+    /// Tests the stars of all vertices around which at least one triangle is asked about. Features in a plain star that
+    /// share no vertex stay farther than `separation` apart.
     pub(super) fn find(&mut self, mesh: &SweptMesh<'_>, separation: f64, is_asked: impl Fn(u32) -> bool) {
         let topology = mesh.topology;
         let (fans, corners) = (topology.fans(), topology.welded_triangles());
@@ -182,28 +182,20 @@ mod tests {
             Self { topology, end: start.clone(), start }
         }
 
+        fn mesh(&self) -> SweptMesh<'_> {
+            let (start, end) = (&self.start[..], &self.end[..]);
+            SweptMesh { topology: &self.topology, start, end, drift: DVec3::ZERO, reach: 0.0 }
+        }
+
         fn is_plain(&self, separation: f64) -> bool {
             let mut stars = PlainStars::default();
-            let mesh = SweptMesh {
-                topology: &self.topology,
-                start: &self.start,
-                end: &self.end,
-                drift: DVec3::ZERO,
-                reach: 0.0,
-            };
-            stars.find(&mesh, separation, |_| true);
+            stars.find(&self.mesh(), separation, |_| true);
             stars.is_plain[0]
         }
 
         /// Whether a pair of its triangles meets, each pair tested by its features.
         fn meets_itself(&self, separation: f64) -> bool {
-            let mesh = SweptMesh {
-                topology: &self.topology,
-                start: &self.start,
-                end: &self.end,
-                drift: DVec3::ZERO,
-                reach: 0.0,
-            };
+            let mesh = self.mesh();
             let corners = self.topology.welded_triangles();
             let pairs = (0..corners.len()).flat_map(|b| (0..b).map(move |a| [a, b]));
             pairs.into_iter().any(|[a, b]| {

@@ -129,9 +129,15 @@ impl Sweep<'_> {
     }
 
     /// How the frame of the pair moves relative to that of the side that is cut into leaves.
-    fn turn_to_other(&self) -> DVec3 {
+    fn way_of_frame(&self) -> DVec3 {
         let [own, other] = self.sides();
         other.drift() - own.drift()
+    }
+
+    /// The box of a triangle of the side that is cut into leaves, in the frame of the pair, grown by the separation.
+    fn grown_box(&self, triangle: u32) -> Aabb {
+        let [own, _] = self.sides();
+        moved_along(&own.boxes()[triangle as usize], self.way_of_frame()).grown(rounded_up(self.separation))
     }
 
     /// Finds the triangles of one side that may meet the other side.
@@ -151,10 +157,9 @@ impl Sweep<'_> {
             let has = |triangle: u32| if is_all_asked { own.is_fast(triangle, 0.0) } else { own.is_asked(triangle) };
             leaves.has.extend((0..own.boxes().len() as u32).map(has));
         }
-        let (growth, way) = (rounded_up(self.separation), self.turn_to_other());
-        let farther = way.length();
+        let farther = self.way_of_frame().length();
         let mut add = |triangle: u32| {
-            let bounds = moved_along(&own.boxes()[triangle as usize], way).grown(growth);
+            let bounds = self.grown_box(triangle);
             let is_needed = if self.same_surface {
                 leaves.has[triangle as usize]
             } else {
@@ -190,21 +195,17 @@ impl Sweep<'_> {
     ) -> usize {
         candidates.clear();
         let [own, other] = self.sides();
-        let way = self.turn_to_other();
         if let Some(tree) = other.tree() {
             leaves.leaves.pairs_of(part, tree, None, candidates);
         } else {
-            let growth = rounded_up(self.separation);
             let items: Vec<u32> = part.flat_map(|leaf| leaves.leaves.leaf_items(leaf)).copied().collect();
-            let grown = |&item: &u32| moved_along(&own.boxes()[item as usize], way).grown(growth);
-            let boxes: Vec<Aabb> = items.iter().map(grown).collect();
+            let boxes: Vec<Aabb> = items.iter().map(|&item| self.grown_box(item)).collect();
             pairs_between_brute_force(&boxes, other.boxes(), candidates);
             for pair in &mut *candidates {
                 pair[0] = items[pair[0] as usize];
             }
         }
-        let (asks_second, farther) = (self.asks_second(), way.length());
-        let is_all_asked = own.is_all_asked();
+        let (asks_second, farther) = (self.asks_second(), self.way_of_frame().length());
         let mut count = 0;
         candidates.retain_mut(|pair| {
             let [first, second] = *pair;
@@ -216,10 +217,8 @@ impl Sweep<'_> {
             } else if !asks_second {
                 *pair = [second, first];
             }
-            let is_any_fast = || own.is_fast(first, farther) || other.is_fast(second, 0.0);
-            // If all are asked about, the leaves of one surface hold what is fast.
-            if !(self.same_surface && is_all_asked || is_any_fast()) || !(own.is_asked(first) || other.is_asked(second))
-            {
+            let is_any_fast = own.is_fast(first, farther) || other.is_fast(second, 0.0);
+            if !(is_any_fast && (own.is_asked(first) || other.is_asked(second))) {
                 return false;
             }
             count += 1;

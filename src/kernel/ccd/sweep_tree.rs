@@ -118,13 +118,13 @@ impl SweepTree {
     /// If the numbers of reaches and triangles differ.
     pub fn update_reaches(&mut self, reaches: &[f64]) {
         assert_eq!(self.boxes.len(), reaches.len(), "every triangle has a reach");
-        match &mut self.reaches {
-            Reaches::Each(own) => own.clear(),
-            own @ Reaches::One(_) => *own = Reaches::Each(Vec::new()),
-        }
-        if let Reaches::Each(own) = &mut self.reaches {
-            own.extend_from_slice(reaches);
-        }
+        let mut kept = match std::mem::take(&mut self.reaches) {
+            Reaches::Each(kept) => kept,
+            Reaches::One(_) => Vec::new(),
+        };
+        kept.clear();
+        kept.extend_from_slice(reaches);
+        self.reaches = Reaches::Each(kept);
         self.ask_all();
     }
 

@@ -1,5 +1,5 @@
-//! A mesh and its current state: ids, topology and adjacency, features and their normals, boxes, motion, and rows of
-//! corners.
+//! A mesh and its current state: ids, topology and adjacency, features and their normals, boxes, volume, motion, and rows
+//! of corners.
 
 pub mod barycentric;
 pub mod bounds;
@@ -24,4 +24,5 @@ pub mod topology;
 pub mod validation;
 #[cfg(feature = "mesh")]
 pub mod vertex_normals;
+pub mod volume;
 mod weld;

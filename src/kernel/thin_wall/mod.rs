@@ -21,7 +21,7 @@ mod sheet;
 mod thicken;
 mod walls;
 
-use glam::{DVec3, Vec3};
+use glam::Vec3;
 
 pub use self::{
     deviation::Deviation,
@@ -34,6 +34,7 @@ use self::{
     body::Body, depths::CornerDepths, pairing::Pairing, regions::Fate, segments::Segments, sheet::Sheet,
     thicken::Thickened, walls::Walls,
 };
+use crate::kernel::mesh::volume::enclosed_volume;
 
 /// A sheet farther than this share of its thickness from its wall does not replace it.
 const MOST_DEVIATION: f64 = 0.25;
@@ -89,7 +90,7 @@ impl ThinWalls {
         settings: &ThinWallSettings,
     ) -> Result<(Self, Deviation), TopologyError> {
         let body = Body::new(positions, triangles)?;
-        if !(body.topology.is_closed() && volume(positions, triangles) < 0.0) {
+        if !(body.topology.is_closed() && enclosed_volume(&body.points, triangles) < 0.0) {
             return Ok(Self::find_outward(&body, positions, triangles, settings));
         }
         let inside_out: Vec<[u32; 3]> = triangles.iter().copied().map(turned).collect();
@@ -188,16 +189,6 @@ impl ThinWalls {
 /// The same triangle, wound the other way.
 fn turned([a, b, c]: [u32; 3]) -> [u32; 3] {
     [a, c, b]
-}
-
-/// Six times the signed volume that triangles enclose: negative if they are inside out.
-fn volume(positions: &[Vec3], triangles: &[[u32; 3]]) -> f64 {
-    let center = positions.iter().map(|position| position.as_dvec3()).sum::<DVec3>() / positions.len() as f64;
-    let volume = |corners: &[u32; 3]| {
-        let [a, b, c] = corners.map(|corner| positions[corner as usize].as_dvec3() - center);
-        a.dot(b.cross(c))
-    };
-    triangles.iter().map(volume).sum()
 }
 
 /// The triangles whose sheet is too far from them, worst first, as many as may be left.

@@ -9,7 +9,10 @@ use super::{
     coloring::{Block, Coloring, lanes_of},
     rows::{Gathered, NOBODY, ParticleRows, Places, Row, gather, row_of, scatter, set_lane},
 };
-use crate::kernel::simd::lanes::{VectorLanes, VectorRows, WIDTH, widened};
+use crate::kernel::{
+    mesh::volume::enclosed_volume,
+    simd::lanes::{VectorLanes, VectorRows, WIDTH, widened},
+};
 
 /// A closed body at rest: its triangles, colored, and its volume.
 #[derive(Clone, Debug)]
@@ -24,10 +27,7 @@ impl VolumeRest {
     /// from outside.
     #[must_use]
     pub fn new(points: &[DVec3], triangles: &[[u32; 3]]) -> Option<Self> {
-        let origin = points.first().copied().unwrap_or_default();
-        let corner = |vertex: u32| points[vertex as usize] - origin;
-        let six_times: f64 = triangles.iter().map(|&[a, b, c]| corner(a).dot(corner(b).cross(corner(c)))).sum();
-        let volume = six_times / 6.0;
+        let volume = enclosed_volume(points, triangles);
         let has_three = |&[a, b, c]: &[u32; 3]| a != b && b != c && c != a;
         let triangles: Vec<[u32; 3]> = triangles.iter().copied().filter(has_three).collect();
         let mut blocks = Vec::new();

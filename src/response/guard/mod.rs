@@ -368,9 +368,8 @@ impl Guard {
             let places = pair.map(|place| place as usize);
             let [mesh, other] = places.map(|place| &meshes[place]);
             let may_meet = pair[0] == pair[1] || mesh.layers.interacts_with(other.layers);
-            let trees = [&mesh.tree, &other.tree];
             let is_any_fast = mesh.tree.is_any_fast(&other.tree);
-            let is_any_asked = trees.iter().any(|tree| tree.asked_count() > 0);
+            let is_any_asked = mesh.tree.asked_count() + other.tree.asked_count() > 0;
             if may_meet && is_any_fast && is_any_asked && (mesh.is_guarded || other.is_guarded) {
                 pairs.push(MeshPair::new(scene, places, mesh, other));
             }
