@@ -1,6 +1,6 @@
 //! Bodies at rest fall asleep, and wake for everything that a player would see them miss.
 
-use bevy_circumsphere::{prelude::*, response::*};
+use bevy_circumsphere::{ContactStore, prelude::*, response::*};
 use bevy_ecs::prelude::*;
 use bevy_transform::components::Transform;
 use circumsphere_support::scenes::{Diagonals, Mesh, cuboid, grid, icosphere};
@@ -78,6 +78,32 @@ fn what_sleeps_stays_to_the_bit_and_sleeps_again_when_woken() {
     assert_eq!(stack.next(1), [4]);
     for (before, after) in heights.into_iter().zip(stack.heights()) {
         assert!((before - after).abs() < 0.01, "{before} to {after}");
+    }
+}
+
+/// Crates side by side, farther apart than they touch but within the margin that awake bodies have: they fall asleep
+/// though detection no longer lists them as a pair then. Each wakes without the other.
+#[test]
+fn neighbors_that_do_not_touch_sleep() {
+    let mut scene = scene();
+    let floor = RigidShape(SharedShape::cuboid(2.0, 0.1, 2.0));
+    scene.app.world_mut().spawn((floor, Transform::from_xyz(0.0, -0.1, 0.0)));
+    let crates = [0.0, 0.1107].map(|x| {
+        let mesh = cuboid([0.05; 3], 3).translate([x, 0.056, 0.0]);
+        scene.add(&mesh, XpbdMaterial::SOFT, SurfaceThickness::World(0.005))
+    });
+    let [mut near, mut touching] = [0; 2];
+    for _ in 0..REST {
+        scene.run(1);
+        let store = scene.app.world().resource::<ContactStore>();
+        let between = store.pairs().iter().find(|pair| [pair.a.entity(), pair.b.entity()] == crates);
+        near += between.map_or(0, |_| 1);
+        touching += between.map_or(0, |pair| usize::from(pair.nearest <= f64::from(pair.contact_distance)));
+    }
+    assert!(near > 10 && touching == 0, "a pair in {near} ticks, touching in {touching}");
+    for _ in 0..50 {
+        assert_eq!(scene.diagnostics().asleep, 2);
+        scene.run(1);
     }
 }
 

@@ -4,6 +4,7 @@
 mod motion;
 mod programs;
 mod repeats;
+mod rest;
 mod truth;
 
 use bevy_circumsphere::prelude::*;

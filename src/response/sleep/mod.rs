@@ -12,11 +12,15 @@ use bevy_time::Time;
 pub(super) use self::state::Sleep;
 use self::state::{Asleep, CALM_TIME, Seen, Watched};
 use super::{scene::Scene, settings::XpbdSettings};
-use crate::surface::{ActiveSurface, ActiveSurfaces};
+use crate::{
+    contacts::StoredPair,
+    settings::EVENT_HYSTERESIS,
+    surface::{ActiveSurface, ActiveSurfaces},
+};
 
 impl Sleep {
-    /// Wakes what something has come near: an awake body, an object that moves, or a new one. Also what its tethers pull
-    /// or no longer hold, and what has lost something that it was near.
+    /// Wakes what an awake body or an object that moves has come near, and what a new object touches. Also what its
+    /// tethers pull or no longer hold, and what has lost something that it touched.
     pub(super) fn wake_touched(&mut self, scene: &Scene<'_, '_>) {
         if self.asleep.is_empty() {
             return;
@@ -25,24 +29,38 @@ impl Sleep {
             let is_awake = |entity| scene.is_body(entity) && !self.asleep.contains_key(&entity);
             scene.motions.course(entity).is_some() || is_awake(entity)
         };
-        let stored = scene.store.pairs.iter().map(|pair| [pair.a.entity(), pair.b.entity()]);
-        let touched = stored.flat_map(|[a, b]| [(a, b), (b, a)]);
-        let mut islands: Vec<u32> = touched
-            .filter_map(|(own, other)| Some((self.asleep.get(&own)?, other)))
-            .filter(|(asleep, other)| moves(*other) || !asleep.near.contains(other))
-            .map(|(asleep, _)| asleep.island)
-            .collect();
+        let mut islands = Vec::new();
+        for pair in &scene.store.pairs {
+            let [a, b] = [pair.a.entity(), pair.b.entity()];
+            for (own, other) in [(a, b), (b, a)] {
+                let Some(asleep) = self.asleep.get(&own) else { continue };
+                if moves(other) || touches(pair) && !asleep.holders.contains(&other) {
+                    islands.push(asleep.island);
+                }
+            }
+        }
         let approached = scene.motions.approached().iter().filter_map(|body| self.asleep.get(body));
         islands.extend(approached.map(|asleep| asleep.island));
         for (&body, asleep) in &self.asleep {
-            let is_gone = |&other: &Entity| scene.store.pairs_between(body, other).next().is_none();
+            let is_gone = |&other: &Entity| !scene.store.pairs_between(body, other).any(nearly_touches);
             let is_pulled = || scene.tethers.get(body).is_ok_and(|tethers| tethers.holding() != Some(asleep.tethers));
-            if asleep.near.iter().any(is_gone) || is_pulled() {
+            if asleep.holders.iter().any(is_gone) || is_pulled() {
                 islands.push(asleep.island);
             }
         }
         self.wake(&islands);
     }
+}
+
+/// Whether the sides of a pair touch, or are so near that the least motion may make them.
+fn touches(pair: &StoredPair) -> bool {
+    pair.nearest <= f64::from(pair.contact_distance) * (1.0 + 0.5 * f64::from(EVENT_HYSTERESIS))
+}
+
+/// A little farther than [`touches`], against rounding. Detection finds such pairs also between sleeping bodies, which
+/// have no margins.
+fn nearly_touches(pair: &StoredPair) -> bool {
+    pair.nearest <= f64::from(pair.contact_distance) * (1.0 + f64::from(EVENT_HYSTERESIS))
 }
 
 /// Wakes bodies that the game has changed, and all if it has changed the settings.
@@ -72,7 +90,7 @@ pub(super) fn wake_changed(
             islands.push(asleep.island);
         }
     }
-    // Those that are gone wake what they were near in `wake_touched`.
+    // Those that are gone wake what they touched in `wake_touched`.
     if unchanged + islands.len() < sleep.asleep.len() {
         let here = |body: &Entity| active.surfaces.iter().any(|surface| surface.entity == *body);
         sleep.asleep.retain(|body, _| here(body));
@@ -110,7 +128,7 @@ pub(super) fn settle(time: Option<Res<Time>>, scene: Scene, watched: Query<Watch
             }
             [Some(place), None] | [None, Some(place)] => {
                 let other = if a == bodies[place].entity { b } else { a };
-                is_held[place] = true;
+                is_held[place] |= touches(pair);
                 is_restless[place] |= scene.motions.course(other).is_some() || scene.wants_reaction(other);
             }
             [None, None] => {}
@@ -128,14 +146,14 @@ pub(super) fn settle(time: Option<Res<Time>>, scene: Scene, watched: Query<Watch
             continue;
         }
         let Ok(item) = watched.get(surface.entity) else { continue };
-        let near = scene.store.pairs_of(surface.entity).map(|pair| {
+        let holders = scene.store.pairs_of(surface.entity).filter(|pair| touches(pair)).map(|pair| {
             let [a, b] = [pair.a.entity(), pair.b.entity()];
             if a == surface.entity { b } else { a }
         });
         let island = first.wrapping_add(island as u32);
         let tethers = item.tethers.as_ref().and_then(|tethers| tethers.holding()).unwrap_or_default();
         let seen = Seen::new(surface, &item);
-        let asleep = Asleep { island, seen, values: item.values(), near: near.collect(), tethers };
+        let asleep = Asleep { island, seen, values: item.values(), holders: holders.collect(), tethers };
         sleep.asleep.insert(surface.entity, asleep);
         sleep.calm.remove(&surface.entity);
     }

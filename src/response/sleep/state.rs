@@ -106,8 +106,8 @@ pub(super) struct Asleep {
     pub(super) seen: Seen,
     /// A hash of the values of what is [`Watched`]. Where it was written, this tells whether it has changed.
     pub(super) values: u64,
-    /// What it was near, which keeps it where it is.
-    pub(super) near: Vec<Entity>,
+    /// What it touched, which keeps it where it is.
+    pub(super) holders: Vec<Entity>,
     /// The number of tethers that held it.
     pub(super) tethers: usize,
 }
