@@ -32,6 +32,9 @@ use crate::{
 /// With fewer particles than this, more than one thread does not pay off.
 const LEAST_SHARED: usize = 1024;
 
+/// How often tetrahedra in slabs and those between slabs take turns to be kept upright: what moves one flattens the other.
+const MOST_ROUNDS: usize = 8;
+
 /// The particles and constraints of one body.
 pub(super) struct SolverBody {
     /// Its first particle. The others follow in the order of its vertices.
@@ -99,11 +102,10 @@ impl Part {
         }
     }
 
-    /// What nothing touches has been folded by its own elasticity, and must be able to unfold.
-    fn keep_upright(&mut self, rows: MovingRows<'_>) {
-        if self.is_touched {
-            self.tetrahedra.keep_upright(rows);
-        }
+    /// Returns whether anything has moved. What nothing touches has been folded by its own elasticity, and must be able to
+    /// unfold.
+    fn keep_upright(&mut self, rows: MovingRows<'_>) -> bool {
+        self.is_touched && self.tetrahedra.keep_upright(rows)
     }
 
     fn damp(&self, bodies: &[SolverBody], rows: MovingRows<'_>, step: f64) {
@@ -189,12 +191,13 @@ impl Inners {
         if !*has_tetrahedra {
             return false;
         }
-        share(team, slabs, |part| part.keep_upright(rows));
-        for part in &mut *between {
-            part.keep_upright(rows);
-        }
-        if between.iter().any(|part| part.tetrahedra.is_any_raised()) {
-            share(team, slabs, |part| part.keep_upright(rows));
+        for _ in 0..MOST_ROUNDS {
+            share(team, slabs, |part| {
+                part.keep_upright(rows);
+            });
+            if !between.iter_mut().fold(false, |is_any, part| part.keep_upright(rows) || is_any) {
+                break;
+            }
         }
         slabs.iter().chain(&*between).any(|part| part.tetrahedra.is_any_raised())
     }

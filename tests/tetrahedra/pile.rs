@@ -162,8 +162,19 @@ fn ten_bodies_of_a_thousand_tetrahedra_come_to_rest_without_an_inverted_one() {
 #[test]
 #[ignore = "takes minutes, and some tremble: see docs/tetrahedra.md"]
 fn ten_bodies_in_other_arrangements_come_to_rest_without_an_inverted_one() {
-    let trembling: Vec<Vec<f32>> = (1..=3).map(ten_come_to_rest).collect();
+    let trembling: Vec<Vec<f32>> = (1..=7).map(ten_come_to_rest).collect();
     assert!(trembling.iter().all(Vec::is_empty), "{trembling:?}");
+}
+
+/// Stiff bodies press the corners of their tetrahedra flat against the walls. They trembled forever while contacts let go of
+/// vertices that stood still.
+#[test]
+fn stiff_piles_come_to_rest() {
+    let material = XpbdMaterial { young_modulus: 1.0e6, ..XpbdMaterial::SOLID };
+    for seed in [1, 2, 7] {
+        let dropped = dropped(&arranged(seed), &WALLS_OF_PIT, 600, material);
+        assert!(dropped.is_ok(), "{seed}: {:?} m/s", dropped.err());
+    }
 }
 
 #[test]

@@ -16,7 +16,8 @@ use crate::kernel::simd::lanes::{VectorLanes, VectorRows, WIDTH, stored};
 /// adds in a substep: 3 centimeters per second by default.
 const WEAKENING: f32 = 0.05;
 
-/// A contact may act in a substep if it is no farther from it than its fastest particle moves in this many.
+/// A contact may act in a substep if it begins with a push, or if it is no farther from it than its fastest particle moves in
+/// this many.
 const REACH: f32 = 2.0;
 
 /// Share of the last substep's push with which a contact begins. All of it makes stacks tremble, and none of it leaves
@@ -26,6 +27,10 @@ const WARMTH: f32 = 0.5;
 /// Depth in contact distances at which a contact of features begins without a push, and up to which that share falls.
 /// Among features that cross, pushes disagree.
 pub(super) const SHALLOW: f32 = 0.1;
+
+/// Depth in contact distances at which a contact has no friction left. It falls from one less on: friction would hold what
+/// is wedged between two shapes.
+const GRIP: f32 = 2.0;
 
 /// Contact distances by which contacts may be too near after friction. With less, elastic bodies at rest tremble.
 const TOLERANCE: f32 = 0.05;
@@ -198,16 +203,19 @@ impl Common {
         }
         let mobility = mobility.max(lightest * MOST_LEVER.powi(-2));
         let speed = weighted_sum(simd, speeds, weights).plus(driven.speed);
-        // Constraints may move the particles as far again.
+        // Constraints may move the particles as far again, and what a contact held they move however slow it is.
         let reach = fastest.sqrt() * (REACH * step);
-        let is_near = separation.simd_le(reach) & mobility.simd_gt(zeros);
         let left = f32x8::from_slice(simd, &self.left);
         let distance = f32x8::from_slice(simd, &self.distance);
-        let target = (left + distance * push_out).min(zeros);
         let depth = left.min(zeros) / (distance * shallow);
         let warmth = (depth + 1.0).max(zeros) * f32x8::from_slice(simd, &self.warmth);
+        let push = f32x8::from_slice(simd, &self.pressed) * warmth;
+        let is_near = (separation.simd_le(reach) | push.simd_gt(zeros)) & mobility.simd_gt(zeros);
+        let target = (left + distance * push_out).min(zeros);
+        let grip = (left + distance * GRIP).max(zeros).min(distance) / distance;
+        let grip = distance.simd_gt(zeros).select(grip, f32x8::splat(simd, 1.0));
+        let [most_held, least_held] = load_all(simd, &self.friction);
         is_near.select(left, separation).store_slice(&mut self.left);
-        let pressed = f32x8::from_slice(simd, &self.pressed);
         self.pressed = [0.0; WIDTH];
         if !is_near.any_true() {
             return None;
@@ -223,8 +231,8 @@ impl Common {
             inverse: stored(is_near.select(f32x8::splat(simd, 1.0) / mobility, zeros)),
             most_opening: stored(normal.dot(speed).max(zeros) - normal.dot(driven.speed)),
             before: (sum - speed.scaled(f32x8::splat(simd, step))).stored(),
-            friction: self.friction,
-            multiplier: stored(is_near.select(pressed * warmth, zeros)),
+            friction: [stored(grip * most_held), stored(grip * least_held)],
+            multiplier: stored(is_near.select(push, zeros)),
             sliding: VectorRows::ZERO,
             step,
         };

@@ -203,12 +203,13 @@ impl Tetrahedra {
     }
 
     /// Moves the corners of every tetrahedron that is inverted or nearly flat apart, to a small share of its volume,
-    /// color after color, there and back. Does nothing if many were inverted when the tick began: to keep the others
-    /// upright would hold them.
-    pub fn keep_upright(&mut self, rows: MovingRows<'_>) {
+    /// color after color, there and back. Returns whether any was. Does nothing if many were inverted when the tick
+    /// began: to keep the others upright would hold them.
+    pub fn keep_upright(&mut self, rows: MovingRows<'_>) -> bool {
         let Self { blocks, is_any_raised, .. } = self;
+        let mut is_any_now = false;
         if self.tangled * MOST_TANGLED > self.count {
-            return;
+            return is_any_now;
         }
         dispatch!(simd => {
             for visit in 0..2 * MOST_VISITS {
@@ -219,9 +220,11 @@ impl Tetrahedra {
                 if !is_any {
                     break;
                 }
-                *is_any_raised = true;
+                is_any_now = true;
             }
         });
+        *is_any_raised |= is_any_now;
+        is_any_now
     }
 
     /// Whether any was moved in this substep to keep it upright.
