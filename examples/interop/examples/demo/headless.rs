@@ -89,7 +89,7 @@ pub fn play(options: &Options) -> Result<(), String> {
 
     let frames = options.frames.unwrap_or(600);
     let (mut times, mut parts) = (Vec::new(), [Duration::ZERO; 2]);
-    let (mut found, mut checks, mut contacts) = (Crossings::default(), 0, 0);
+    let (mut found, mut checks, mut contacts, mut impacts) = (Crossings::default(), 0, 0, 0);
     for frame in 1..=frames {
         let start = Instant::now();
         app.update();
@@ -99,6 +99,10 @@ pub fn play(options: &Options) -> Result<(), String> {
         parts[0] += world.resource::<DetectionDiagnostics>().total();
         parts[1] += response.gathering + response.solving + response.guarding;
         contacts += world.resource::<ContactStore>().contact_count();
+        impacts += response.impacts_remaining;
+        if response.impacts_remaining > 0 {
+            println!("tick {frame}: {} impacts could not be prevented", response.impacts_remaining);
+        }
         if options.check > 0 && frame % options.check == 0 {
             checks += 1;
             let now = crossings::count(app.world_mut());
@@ -116,6 +120,7 @@ pub fn play(options: &Options) -> Result<(), String> {
     let heard = app.world().resource::<Heard>();
     println!("{frames} ticks of 1/{RATE} s, {:.0} contacts a tick", contacts as f64 / f64::from(frames.max(1)));
     println!("contacts that started: {} of balls, {} others", heard.by_balls, heard.others);
+    println!("impacts that could not be prevented: {impacts}");
     println!(
         "a tick: median {:.2} ms, 95th percentile {:.2} ms, longest {:.2} ms; of the mean of {:.2} ms, {:.2} ms detection and \
          {:.2} ms response",
