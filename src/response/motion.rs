@@ -34,6 +34,7 @@ struct Trace {
     stand: Stand,
     /// The last change of its positions.
     changed: Option<Tick>,
+    /// From 1 on; 0 before the first.
     tick: u64,
 }
 
@@ -114,7 +115,8 @@ impl Motions {
         let (positions, changed) = mesh.map_or((&[][..], None), |(_, positions, changed)| (positions, Some(changed)));
         let tick = self.tick;
         let trace = self.traces.entry(entity).or_default();
-        let is_known = trace.tick + 1 == tick && !fresh && trace.stand.positions.len() == positions.len();
+        let is_known =
+            trace.tick > 0 && trace.tick + 1 == tick && !fresh && trace.stand.positions.len() == positions.len();
         let deforms = changed.is_none_or(|_| trace.changed != changed) && trace.stand.positions != positions;
         if is_known && !deforms && trace.stand.pose.has_bits_of(pose) {
             (trace.tick, trace.changed) = (tick, changed);

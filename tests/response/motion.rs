@@ -148,3 +148,18 @@ fn a_body_that_was_disabled_is_where_its_transform_puts_it() {
     pooled(|cloth| _ = cloth.insert(SurfaceDisabled), |cloth| _ = cloth.remove::<SurfaceDisabled>());
     pooled(|cloth| _ = cloth.insert(Disabled), |cloth| _ = cloth.remove::<Disabled>());
 }
+
+/// Bevy's first frame takes no time. What is new then has been there before the second.
+#[test]
+fn shapes_have_not_moved_when_the_clock_starts() {
+    let mut scene = Scene::new();
+    let pole = RigidShape(SharedShape::capsule_y(1.0, 0.05));
+    scene.app.world_mut().spawn((pole, Transform::from_xyz(-1.3, 1.7, -0.5)));
+    let cloth = grid(10, 10, 1.0, 1.0, Diagonals::Alternating).translate([-0.5, 1.7, -0.5]);
+    scene.add(&cloth, XpbdMaterial::CLOTH, SweptCollision);
+    scene.tick(0.0);
+    for _ in 0..3 {
+        scene.tick(1.0 / 60.0);
+        assert_eq!(scene.diagnostics().parts, 1);
+    }
+}

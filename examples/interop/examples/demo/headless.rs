@@ -76,9 +76,12 @@ pub fn play(options: &Options) -> Result<(), String> {
         .add_systems(PostUpdate, hear.after(DeformableSystems::Events));
     app.finish();
     app.cleanup();
+    let mut impacts = 0;
     for _ in 0..PATIENCE {
         app.update();
         if app.world().resource::<Ready>().0 {
+            // The first tick.
+            impacts += app.world().resource::<XpbdDiagnostics>().impacts_remaining;
             break;
         }
         std::thread::sleep(Duration::from_millis(1));
@@ -89,7 +92,7 @@ pub fn play(options: &Options) -> Result<(), String> {
 
     let frames = options.frames.unwrap_or(600);
     let (mut times, mut parts) = (Vec::new(), [Duration::ZERO; 2]);
-    let (mut found, mut checks, mut contacts, mut impacts) = (Crossings::default(), 0, 0, 0);
+    let (mut found, mut checks, mut contacts) = (Crossings::default(), 0, 0);
     for frame in 1..=frames {
         let start = Instant::now();
         app.update();
