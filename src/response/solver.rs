@@ -195,7 +195,11 @@ impl Inners {
             share(team, slabs, |part| {
                 part.keep_upright(rows);
             });
-            if !between.iter_mut().fold(false, |is_any, part| part.keep_upright(rows) || is_any) {
+            let mut is_any = false;
+            for part in &mut *between {
+                is_any |= part.keep_upright(rows);
+            }
+            if !is_any {
                 break;
             }
         }

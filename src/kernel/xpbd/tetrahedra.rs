@@ -416,7 +416,9 @@ mod tests {
             particles.begin(masses.into_iter().map(placed));
             // They are pressed within the tick.
             let mut tetrahedra = Tetrahedra { tangled: 0, ..tick(corners) };
-            (0..times).for_each(|_| tetrahedra.keep_upright(particles.moving()));
+            for _ in 0..times {
+                tetrahedra.keep_upright(particles.moving());
+            }
             (tetrahedra.is_any_raised(), std::array::from_fn(|corner| corners[corner] + particles.state(corner)[0]))
         };
         for height in [1.0, 0.06, 0.04, 0.0, -0.3, -1.0] {
