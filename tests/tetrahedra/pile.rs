@@ -154,26 +154,22 @@ fn ten_come_to_rest(seed: u64) -> Vec<f32> {
 }
 
 #[test]
-#[ignore = "takes minutes"]
-fn ten_bodies_of_a_thousand_tetrahedra_come_to_rest_without_an_inverted_one() {
-    assert!(ten_come_to_rest(0).is_empty());
-}
-
-#[test]
 #[ignore = "takes minutes, and some tremble: see docs/tetrahedra.md"]
-fn ten_bodies_in_other_arrangements_come_to_rest_without_an_inverted_one() {
-    let trembling: Vec<Vec<f32>> = (1..=7).map(ten_come_to_rest).collect();
+fn ten_bodies_of_a_thousand_tetrahedra_come_to_rest_in_every_arrangement() {
+    let trembling: Vec<Vec<f32>> = (0..8).map(ten_come_to_rest).collect();
     assert!(trembling.iter().all(Vec::is_empty), "{trembling:?}");
 }
 
 /// Stiff bodies press the corners of their tetrahedra flat against the walls. They trembled forever while contacts let go of
 /// vertices that stood still.
 #[test]
-fn stiff_piles_come_to_rest() {
-    let material = XpbdMaterial { young_modulus: 1.0e6, ..XpbdMaterial::SOLID };
-    for seed in [1, 2, 7] {
-        let dropped = dropped(&arranged(seed), &WALLS_OF_PIT, 600, material);
-        assert!(dropped.is_ok(), "{seed}: {:?} m/s", dropped.err());
+fn piles_of_usual_and_of_stiff_bodies_come_to_rest() {
+    for (young_modulus, seeds) in [(XpbdMaterial::SOLID.young_modulus, [0, 1, 2]), (1.0e6, [1, 2, 7])] {
+        let material = XpbdMaterial { young_modulus, ..XpbdMaterial::SOLID };
+        for seed in seeds {
+            let dropped = dropped(&arranged(seed), &WALLS_OF_PIT, 600, material);
+            assert!(dropped.is_ok(), "{seed}, {young_modulus:e}: {:?} m/s", dropped.err());
+        }
     }
 }
 
