@@ -37,6 +37,7 @@ pub(super) struct Body<'a> {
     /// `None` if the tree is not up to date in this tick.
     pub(super) tree: Option<&'a BoxTree>,
     /// The boxes of the regions that its traversal against itself leaves out.
+    #[cfg(feature = "rerun")]
     pub(super) flat_regions: Vec<Aabb>,
 }
 
@@ -67,6 +68,7 @@ impl<'a> Body<'a> {
                     cones: carried.cones,
                 }),
                 tree: state.filter(|state| state.is_tree_current()).map(SurfaceState::tree),
+                #[cfg(feature = "rerun")]
                 flat_regions: state.map(SurfaceState::flat_regions).unwrap_or_default(),
             });
         }
