@@ -7,6 +7,7 @@ mod components;
 mod dress;
 mod error;
 mod find;
+mod fit;
 mod freedom;
 
 use bevy_app::prelude::*;
@@ -23,6 +24,13 @@ pub use error::{XpbdGarmentError, XpbdGarmentNotWorn};
 pub(super) fn build(app: &mut App, schedule: InternedScheduleLabel) {
     OwnMeshes::init(app);
     app.add_message::<XpbdGarmentNotWorn>();
+    app.add_systems(
+        schedule,
+        fit::warn_of_crossings
+            .run_if(any_with_component::<XpbdGarment>)
+            .after(DeformableSystems::Detect)
+            .before(DeformableSystems::Respond),
+    );
     app.add_systems(
         schedule,
         (

@@ -8,7 +8,7 @@ use bevy_mesh::{Mesh, Mesh3d, VertexAttributeValues, VertexFormat};
 use circumsphere_support::warnings;
 use glam::Vec3;
 
-use super::character::{Walker, app, is_worn, skirt, spawn_garment, tick};
+use super::character::{RINGS, SEGMENTS, Walker, app, is_worn, skirt, spawn_garment, tick};
 use crate::world::{add, indexed};
 
 /// All hang at one place.
@@ -207,4 +207,30 @@ fn positions_that_are_no_numbers_are_refused() {
     tick(&mut app);
     let expected = XpbdGarmentError::Body(XpbdBodyError::NonFinitePosition(VertexId(3)));
     assert_eq!(app.world().resource::<Heard>().0, [(garment, expected)]);
+}
+
+#[test]
+fn a_garment_that_begins_in_its_skin_is_told_once() {
+    let mut app = listening();
+    let walker = Walker::new(&mut app, 0.0);
+    let skin = walker.spawn_skin(&mut app);
+    let mut stuck = skirt();
+    // The lower half of the skirt, at a third of its width: within the legs.
+    for position in stuck.positions.iter_mut().skip(SEGMENTS * RINGS / 2) {
+        position[0] /= 3.0;
+        position[2] /= 3.0;
+    }
+    for (name, mesh) in [("stuck garment", stuck), ("free garment", skirt())] {
+        let mesh = add(&mut app, indexed(&mesh));
+        // They meet the skin only.
+        let layers = SurfaceLayers { memberships: 0b10, filters: 0b01 };
+        let garment = spawn_garment(&mut app, (mesh, Name::new(name), layers), XpbdGarment::worn_by([skin]));
+        for _ in 0..3 {
+            tick(&mut app);
+        }
+        assert!(is_worn(&app, garment), "{name}");
+    }
+    let told = warnings_about("stuck garment");
+    assert!(matches!(&told[..], [warning] if warning.contains("begins inside its skin")), "{told:?}");
+    assert!(warnings_about("free garment").is_empty());
 }
