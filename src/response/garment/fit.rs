@@ -3,7 +3,11 @@
 use bevy_ecs::prelude::*;
 
 use super::components::XpbdGarment;
-use crate::{contacts::SurfaceContacts, response::body::XpbdBody, surface::Named};
+use crate::{
+    contacts::{Contact, SurfaceContacts},
+    response::body::XpbdBody,
+    surface::Named,
+};
 
 /// Warns of garments that cross their skins in the tick in which they become cloth. What is pinned there stays there, and
 /// what is free trembles until it is out.
@@ -13,7 +17,7 @@ pub(super) fn warn_of_crossings(
 ) {
     for (entity, name, garment) in &garments {
         let with_skins = garment.skins.iter().flat_map(|&skin| contacts.between(entity, skin));
-        let mut crossings = with_skins.filter(|contact| contact.is_crossing());
+        let mut crossings = with_skins.filter(Contact::is_crossing);
         let Some(first) = crossings.next() else { continue };
         log::warn!(
             "garment {} begins inside its skin: edges pierce faces in {} places, one of them at {}. It may tremble there. In the \
