@@ -8,11 +8,12 @@ use super::{
     LevelOfDetail, colors,
     tick::{Detected, Touches},
 };
+#[cfg(feature = "rerun")]
+use crate::kernel::mesh::bounds::Aabb;
 use crate::{
     detection::SurfaceState,
     kernel::{
         bvh::tree::BoxTree,
-        mesh::bounds::Aabb,
         spheres::{
             circumsphere::{Ball, OffsetSpheres},
             cone::{Cap, SafetyCones},
