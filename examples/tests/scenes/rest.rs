@@ -9,17 +9,14 @@ use crate::{
     scenes::{Scene, Variation, scene},
 };
 
-/// Median duration of a tick, in seconds.
-fn median_tick(scene: &mut Scene, ticks: usize) -> f64 {
-    let mut durations: Vec<f64> = (0..ticks)
-        .map(|_| {
-            let start = Instant::now();
-            scene.tick();
-            start.elapsed().as_secs_f64()
-        })
-        .collect();
-    durations.sort_by(f64::total_cmp);
-    durations[ticks / 2]
+/// The least duration of a tick, in seconds, which other work on the machine disturbs least.
+fn least_tick(scene: &mut Scene, ticks: usize) -> f64 {
+    let durations = (0..ticks).map(|_| {
+        let start = Instant::now();
+        scene.tick();
+        start.elapsed().as_secs_f64()
+    });
+    durations.fold(f64::INFINITY, f64::min)
 }
 
 #[test]
@@ -31,12 +28,13 @@ fn a_pile_at_rest_sleeps_and_costs_a_twentieth_of_one_in_motion() {
     let bodies = scene.stage.bodies.len();
     play(&mut scene, 60);
     assert_eq!(asleep(&scene), 0);
-    let in_motion = median_tick(&mut scene, 60);
+    let in_motion = least_tick(&mut scene, 60);
     while asleep(&scene) < bodies {
         assert!(scene.stage.ticks < 1200, "{} of {bodies} asleep after 20 s", asleep(&scene));
         scene.tick();
     }
-    let at_rest = median_tick(&mut scene, 60);
+    let at_rest = least_tick(&mut scene, 60);
     assert_eq!(asleep(&scene), bodies, "woken by nothing");
+    println!("{at_rest} s at rest, {in_motion} s in motion");
     assert!(at_rest < 0.05 * in_motion, "{at_rest} s at rest, {in_motion} s in motion");
 }
