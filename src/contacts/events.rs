@@ -178,8 +178,7 @@ fn track_contacts(
     let TouchingSides { touching, started, ended } = &mut *sides;
     // What was detected may have been despawned since.
     let exist = |sides: [Entity; 2]| sides.into_iter().all(|side| entities.contains_spawned(side));
-    let parted =
-        |pair: &StoredPair| pair.nearest > f64::from(pair.contact_distance) * (1.0 + f64::from(EVENT_HYSTERESIS));
+    let parted = |pair: &StoredPair| !pair.touches_within(f64::from(EVENT_HYSTERESIS));
     let near: HashMap<[Entity; 2], &StoredPair> =
         store.pairs.iter().filter(|pair| !parted(pair)).map(|pair| (name(sides_of(pair)), pair)).collect();
     ended.clear();
@@ -204,7 +203,7 @@ fn track_contacts(
     });
     ended.sort_unstable_by_key(|pair| pair.order);
     let already: HashSet<[Entity; 2]> = touching.iter().map(|pair| name(pair.sides)).collect();
-    let touches = |pair: &&StoredPair| pair.nearest <= f64::from(pair.contact_distance) && exist(sides_of(pair));
+    let touches = |pair: &&StoredPair| pair.touches_within(0.0) && exist(sides_of(pair));
     started.clear();
     started.extend(store.pairs.iter().filter(touches).map(Touching::new));
     started.retain(|pair| !already.contains(&name(pair.sides)));

@@ -72,6 +72,11 @@ impl StoredPair {
         self.spheres.iter().flat_map(FoundBySpheres::contacts)
     }
 
+    /// Whether the sides are at most this share of the contact distance farther apart than where they touch.
+    pub(crate) fn touches_within(&self, share: f64) -> bool {
+        self.nearest <= f64::from(self.contact_distance) * (1.0 + share)
+    }
+
     /// The number of contacts, whether or not they are [written](crate::settings::SphereContactDetail).
     #[must_use]
     pub fn contact_count(&self) -> usize {

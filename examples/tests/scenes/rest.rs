@@ -35,6 +35,5 @@ fn a_pile_at_rest_sleeps_and_costs_a_twentieth_of_one_in_motion() {
     }
     let at_rest = least_tick(&mut scene, 60);
     assert_eq!(asleep(&scene), bodies, "woken by nothing");
-    println!("{at_rest} s at rest, {in_motion} s in motion");
     assert!(at_rest < 0.05 * in_motion, "{at_rest} s at rest, {in_motion} s in motion");
 }

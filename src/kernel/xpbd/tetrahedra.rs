@@ -207,10 +207,10 @@ impl Tetrahedra {
     /// began: to keep the others upright would hold them.
     pub fn keep_upright(&mut self, rows: MovingRows<'_>) -> bool {
         let Self { blocks, is_any_raised, .. } = self;
-        let mut is_any_now = false;
         if self.tangled * MOST_TANGLED > self.count {
-            return is_any_now;
+            return false;
         }
+        let mut is_any_now = false;
         dispatch!(simd => {
             for visit in 0..2 * MOST_VISITS {
                 let mut is_any = false;

@@ -26,20 +26,19 @@ pub(super) fn build(app: &mut App, schedule: InternedScheduleLabel) {
     app.add_message::<XpbdGarmentNotWorn>();
     app.add_systems(
         schedule,
-        fit::warn_of_crossings
-            .run_if(any_with_component::<XpbdGarment>)
-            .after(DeformableSystems::Detect)
-            .before(DeformableSystems::Respond),
-    );
-    app.add_systems(
-        schedule,
         (
-            find::find_garments
-                .run_if(any_with_component::<XpbdGarments>)
-                .after(MeshSystems::Find)
-                .before(MeshSystems::Read),
-            dress::dress.run_if(any_with_component::<XpbdGarment>).after(MeshSystems::Read).before(GatherSurfaces),
-        )
-            .in_set(DeformableSystems::Prepare),
+            (
+                find::find_garments
+                    .run_if(any_with_component::<XpbdGarments>)
+                    .after(MeshSystems::Find)
+                    .before(MeshSystems::Read),
+                dress::dress.run_if(any_with_component::<XpbdGarment>).after(MeshSystems::Read).before(GatherSurfaces),
+            )
+                .in_set(DeformableSystems::Prepare),
+            fit::warn_of_crossings
+                .run_if(any_with_component::<XpbdGarment>)
+                .after(DeformableSystems::Detect)
+                .before(DeformableSystems::Respond),
+        ),
     );
 }

@@ -54,13 +54,13 @@ impl Sleep {
 
 /// Whether the sides of a pair touch, or are so near that the least motion may make them.
 fn touches(pair: &StoredPair) -> bool {
-    pair.nearest <= f64::from(pair.contact_distance) * (1.0 + 0.5 * f64::from(EVENT_HYSTERESIS))
+    pair.touches_within(0.5 * f64::from(EVENT_HYSTERESIS))
 }
 
 /// A little farther than [`touches`], against rounding. Detection finds such pairs also between sleeping bodies, which
 /// have no margins.
 fn nearly_touches(pair: &StoredPair) -> bool {
-    pair.nearest <= f64::from(pair.contact_distance) * (1.0 + f64::from(EVENT_HYSTERESIS))
+    pair.touches_within(f64::from(EVENT_HYSTERESIS))
 }
 
 /// Wakes bodies that the game has changed, and all if it has changed the settings.
