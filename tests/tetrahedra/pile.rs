@@ -154,17 +154,19 @@ fn ten_come_to_rest(seed: u64) -> Vec<f32> {
 }
 
 #[test]
-#[ignore = "takes minutes, and some tremble: see docs/tetrahedra.md"]
+#[ignore = "takes minutes"]
 fn ten_bodies_of_a_thousand_tetrahedra_come_to_rest_in_every_arrangement() {
     let trembling: Vec<Vec<f32>> = (0..8).map(ten_come_to_rest).collect();
     assert!(trembling.iter().all(Vec::is_empty), "{trembling:?}");
 }
 
-/// Stiff bodies press the corners of their tetrahedra flat against the walls. They trembled forever while contacts let go of
-/// vertices that stood still.
+/// Soft bodies are pressed into each other where they land. They trembled forever while a vertex inside of a body switched
+/// off the contacts that carried it elsewhere. Stiff bodies press the corners of their tetrahedra flat against the walls,
+/// and did the same while contacts let go of vertices that stood still.
 #[test]
-fn piles_of_usual_and_of_stiff_bodies_come_to_rest() {
-    for (young_modulus, seeds) in [(XpbdMaterial::SOLID.young_modulus, [0, 1, 2]), (1.0e6, [1, 2, 7])] {
+fn piles_of_soft_usual_and_stiff_bodies_come_to_rest() {
+    let usual = XpbdMaterial::SOLID.young_modulus;
+    for (young_modulus, seeds) in [(3.0e4, [0, 3, 7]), (usual, [0, 1, 2]), (1.0e6, [1, 2, 7])] {
         let material = XpbdMaterial { young_modulus, ..XpbdMaterial::SOLID };
         for seed in seeds {
             let dropped = dropped(&arranged(seed), &WALLS_OF_PIT, 600, material);

@@ -197,17 +197,10 @@ impl Insides {
                 let surroundings = Surroundings { scene, particles: &solver.particles, first: &first };
                 let solid = || surroundings.placed(other);
                 let Some(way) = self.find(surroundings, body, names, 0.0, solid) else { continue };
-                let particles = &mut solver.particles;
-                let leaving = self.leaving.entry(other.entity).or_default();
-                if first(other.entity).is_some() {
-                    // Two bodies that are pushed through each other must not hold on to each other.
-                    leaving.extend(body.particles().map(|particle| particle as u32));
-                } else {
-                    leaving.extend(way.vertices());
-                }
+                self.leaving.entry(other.entity).or_default().extend(way.vertices());
                 let distance = f64::from(surface.thickness) + f64::from(other.thickness);
                 let end = end_of(scene, other, way.exit.at);
-                way.lead_out(particles, &mut solver.contacts, end, distance);
+                way.lead_out(&mut solver.particles, &mut solver.contacts, end, distance);
             }
             for shape in &scene.active.shapes {
                 if !is_near(surface, shape, scene) {
