@@ -169,10 +169,9 @@ pub(super) fn choose_margins(
         let margin = margins.entry(surface.entity).or_default();
         margin.is_used = true;
         let most_own = if is_swept { MOST_OWN_MARGIN_SWEPT } else { MOST_MARGIN };
-        let range = |most: f32| [LEAST_MARGIN * finest, most * finest];
         surface.solver_margins = [
-            margin.own.choose(HASTE * own * duration, range(most_own)),
-            margin.other.choose(other, range(MOST_MARGIN)),
+            margin.own.choose(HASTE * own * duration, finest, most_own),
+            margin.other.choose(other, finest, MOST_MARGIN),
         ];
         widest = widest.max(surface.solver_margins[1]);
     }
@@ -215,10 +214,11 @@ struct Margin {
 }
 
 impl Margin {
-    /// The margin of a tick in which the body moves by about `way`. It stays too wide for a while: a change discards
-    /// the lists of near pairs.
-    fn choose(&mut self, way: f32, [mut width, most]: [f32; 2]) -> f32 {
-        while width < way.min(most) {
+    /// The margin of a tick in which the body moves by about `way`, at most `most` edges of the finest body. It stays too
+    /// wide for a while: a change discards the lists of near pairs.
+    fn choose(&mut self, way: f32, finest: f32, most: f32) -> f32 {
+        let mut width = LEAST_MARGIN * finest;
+        while width < way.min(most * finest) {
             width *= STEP;
         }
         self.too_wide = if width < self.width { self.too_wide + 1 } else { 0 };

@@ -154,7 +154,7 @@ fn ten_come_to_rest(seed: u64) -> Vec<f32> {
 }
 
 #[test]
-#[ignore = "takes minutes"]
+#[ignore = "takes a minute"]
 fn ten_bodies_of_a_thousand_tetrahedra_come_to_rest_in_every_arrangement() {
     let trembling: Vec<Vec<f32>> = (0..8).map(ten_come_to_rest).collect();
     assert!(trembling.iter().all(Vec::is_empty), "{trembling:?}");

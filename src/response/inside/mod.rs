@@ -197,7 +197,6 @@ impl Insides {
                 let surroundings = Surroundings { scene, particles: &solver.particles, first: &first };
                 let solid = || surroundings.placed(other);
                 let Some(way) = self.find(surroundings, body, names, 0.0, solid) else { continue };
-                self.leaving.entry(other.entity).or_default().extend(way.vertices());
                 let distance = f64::from(surface.thickness) + f64::from(other.thickness);
                 let end = end_of(scene, other, way.exit.at);
                 way.lead_out(&mut solver.particles, &mut solver.contacts, end, distance);
@@ -214,7 +213,6 @@ impl Insides {
                 let surroundings = Surroundings { scene, particles: &solver.particles, first: &first };
                 let way = self.find(surroundings, body, names, shallow, solid);
                 let Some(way) = way else { continue };
-                self.leaving.entry(shape.entity).or_default().extend(way.vertices());
                 let end = ahead.transform_point(pose.inverse().transform_point(way.exit.at));
                 way.lead_out(&mut solver.particles, &mut solver.contacts, end, f64::from(surface.thickness));
             }
@@ -223,8 +221,8 @@ impl Insides {
         ways.retain(|pair, _| near.contains(pair));
     }
 
-    /// Finds the exit of a body from a solid near it. `None` if nothing is deeper than `shallow`: contacts resolve
-    /// that.
+    /// Finds the exit of a body from a solid near it, and lets the vertices inside leave. `None` if nothing is deeper than
+    /// `shallow`: contacts resolve that.
     fn find<'a>(
         &mut self,
         surroundings: Surroundings<'a>,
@@ -257,18 +255,20 @@ impl Insides {
         let opposite = self.ways.get(&(entity, surface.entity)).map(|other| -other.direction);
         let back = threaded.map(|part| part.back);
         let kept = opposite.or(back).or(before.filter(|before| before.age < CHOSEN_FOR).map(|before| before.direction));
-        if let Some(direction) = kept
-            && let Some(way) = inside.way_along(direction, &[&solid], margin)
-        {
-            let chosen = before.unwrap_or(Chosen { direction, age: 0, depth: inside.depth(way) });
-            self.ways.insert(pair, Chosen { direction, age: chosen.age + 1, ..chosen });
-            return Some(inside.led(way));
-        }
-        let around = surroundings.around(surface, entity);
-        let all: Vec<&Solid<'_>> = std::iter::once(&solid).chain(&around).collect();
-        let way = inside.best_way(&solid, &all, margin, before)?;
-        self.ways.insert(pair, Chosen { direction: way.outward, age: 0, depth: inside.depth(way) });
-        Some(inside.led(way))
+        let new = |exit: Exit| Chosen { direction: exit.outward, age: 0, depth: inside.depth(exit) };
+        let (exit, chosen) = if let Some(exit) = kept.and_then(|along| inside.way_along(along, &[&solid], margin)) {
+            let before = before.unwrap_or_else(|| new(exit));
+            (exit, Chosen { direction: exit.outward, age: before.age + 1, ..before })
+        } else {
+            let around = surroundings.around(surface, entity);
+            let all: Vec<&Solid<'_>> = std::iter::once(&solid).chain(&around).collect();
+            let exit = inside.best_way(&solid, &all, margin, before)?;
+            (exit, new(exit))
+        };
+        self.ways.insert(pair, chosen);
+        let way = inside.led(exit);
+        self.leaving.entry(entity).or_default().extend(way.vertices());
+        Some(way)
     }
 }
 
