@@ -9,8 +9,8 @@ use crate::{
         OverlappingTrianglePairs, SphereContacts, SweptImpacts,
     },
     response::{
-        SurfaceForces, SurfaceFriction, SurfaceReaction, SurfaceWind, XpbdBody, XpbdDiagnostics, XpbdSettings,
-        XpbdTethers,
+        RigidMass, RigidPart, RigidPush, SurfaceForces, SurfaceFriction, SurfaceReaction, SurfaceWind, XpbdBody,
+        XpbdDiagnostics, XpbdSettings, XpbdTethers,
     },
     rollback::CollisionHistory,
     settings::CircumsphereSettings,
@@ -39,13 +39,13 @@ impl Plugin for ReflectPlugin {
     fn build(&self, app: &mut App) {
         register!(app:
             // Written by the game.
-            CircumsphereSettings, ContactEventHold, ContactEventsEnabled, ContactFilter, ContactMethod, DeformableSurface, QueryOnly, RestContactsIgnored, RigidShape, SelfCollision,
+            CircumsphereSettings, ContactEventHold, ContactEventsEnabled, ContactFilter, ContactMethod, DeformableSurface, QueryOnly, RestContactsIgnored, RigidMass, RigidPart, RigidShape, SelfCollision,
             Sidedness, SurfaceDisabled, SurfaceForces, SurfaceFrame, SurfaceFriction, SurfaceLayers, SurfaceOrder,
             SurfacePositions, SurfaceShape, SurfaceThickness, SurfaceWind, SweptCollision, SweptTarget, Teleported, TetrahedralBody, TriangleLayers, VertexThickness, XpbdBody,
             XpbdSettings, XpbdTethers,
             // Written by the plugins.
             ActiveSurfaces, CandidateTrianglePairs, Circumspheres, CollisionHistory, ContactStore, Containments, DetectionDiagnostics, EnclosingBalls,
-            ExactTrianglePairs, MeetingCaps, OverlappingTrianglePairs, PreviousPositions, SphereContacts,
+            ExactTrianglePairs, MeetingCaps, OverlappingTrianglePairs, PreviousPositions, RigidPush, SphereContacts,
             SurfaceContactEnd, SurfaceContactStart, SurfaceQuarantined, SurfaceReaction, SurfaceStatus, SweptImpacts, TriangleCones,
             TriangleCurvature, XpbdDiagnostics,
         );

@@ -10,7 +10,7 @@ use crate::kernel::{
     simd::parallel::{Team, share},
     xpbd::{
         At, Contact, Contacts, Evaluation, FeatureKind, FeatureParticles, FoundContacts, MovingRows, Place, Plane,
-        Slabs,
+        RigidBodies, Slabs,
         coloring::{Coloring, NONE, in_order},
     },
 };
@@ -60,7 +60,7 @@ impl ContactConstraint {
         let is_driven = |particle: u32| !particles.is_free(particle);
         match &self.parts {
             Features::VertexFace([vertex, ..]) => is_driven(*vertex),
-            Features::EdgeEdge(_) => false,
+            Features::EdgeEdge([first, ..]) => particles.is_on_body(*first),
             Features::Plane { particles: entries, .. } => {
                 entries.iter().filter(|&&(particle, _)| is_driven(particle)).map(|(_, weight)| weight).sum::<f64>()
                     > 0.0
@@ -190,7 +190,8 @@ impl SolverContacts {
         let kind = if constraint.is_on_firm_ground(particles) { FIRM } else { LOOSE };
         let Some(lists) = self.lists_at(constraint.parts.particles()) else { return };
         let found = &mut lists[kind].found;
-        let is_free = |particle: u32| particles.is_free(particle);
+        // What is on a rigid body moves as contacts push it.
+        let is_free = |particle: u32| particles.is_free(particle) || particles.is_on_body(particle);
         match &constraint.parts {
             Features::VertexFace(parts) => {
                 found.push_features(FeatureKind::VertexFace, constraint.between(*parts), is_free);
@@ -231,23 +232,53 @@ impl SolverContacts {
     }
 
     /// Evaluates all contacts at the unconstrained positions of a substep, and pushes by a share of the last push.
-    pub fn begin_step(&mut self, team: &dyn Team, rows: MovingRows<'_>, evaluation: Evaluation) {
+    pub fn begin_step(
+        &mut self,
+        team: &dyn Team,
+        rows: MovingRows<'_>,
+        bodies: &mut RigidBodies,
+        evaluation: Evaluation,
+    ) {
         self.for_each(team, |list| list.colored.begin_step(rows, evaluation));
+        if bodies.is_any_pushed() {
+            bodies.begin_counting();
+            self.soften(|number, _| {
+                bodies.count(number);
+                None
+            });
+            self.soften(|number, normal| bodies.yielding(number, normal));
+        }
         for kind in [FIRM, LOOSE] {
             self.sweep(team, kind, false, |contacts| contacts.push_again(rows));
+        }
+        self.give_way(rows, bodies, evaluation.share);
+    }
+
+    fn soften(&mut self, mut visit: impl FnMut(u32, DVec3) -> Option<[f64; 2]>) {
+        self.lists_mut().for_each(|list| list.colored.soften(&mut visit));
+    }
+
+    /// Moves rigid bodies by what contacts have pushed so far in this substep, at the end of which `share` of the tick has
+    /// passed.
+    fn give_way(&mut self, rows: MovingRows<'_>, bodies: &mut RigidBodies, share: f32) {
+        if bodies.is_any_pushed() {
+            bodies.give_way(|add| self.lists_mut().for_each(|list| list.colored.pushes(false, &mut *add)));
+            bodies.place(rows, share);
         }
     }
 
     /// Pushes the sides of all contacts apart, [`SWEEPS`] times there and back, then applies friction, there and back.
     /// Friction runs after all normal multipliers are final, because they are its limits. If a contact stopped pressing
     /// after its friction was solved, it would release what it holds. What friction then leaves too near is only pushed.
-    pub fn solve(&mut self, team: &dyn Team, rows: MovingRows<'_>) {
+    pub fn solve(&mut self, team: &dyn Team, rows: MovingRows<'_>, bodies: &mut RigidBodies, share: f32) {
         for _ in 0..SWEEPS {
-            self.there_and_back(team, rows, Contacts::separate);
+            self.separate_again(team, rows, bodies, share);
         }
         self.there_and_back(team, rows, Contacts::rub);
+        self.give_way(rows, bodies, share);
         for _ in 0..RECOVERIES {
             self.there_and_back(team, rows, Contacts::recover);
+            self.give_way(rows, bodies, share);
         }
     }
 
@@ -258,14 +289,18 @@ impl SolverContacts {
     }
 
     /// Pushes the sides of all contacts apart once more, there and back, after something else has moved them.
-    pub fn separate_again(&mut self, team: &dyn Team, rows: MovingRows<'_>) {
+    pub fn separate_again(&mut self, team: &dyn Team, rows: MovingRows<'_>, bodies: &mut RigidBodies, share: f32) {
         self.there_and_back(team, rows, Contacts::separate);
+        self.give_way(rows, bodies, share);
     }
 
     /// Ends a substep, after velocities have been derived.
-    pub fn end_step(&mut self, team: &dyn Team, rows: MovingRows<'_>) {
+    pub fn end_step(&mut self, team: &dyn Team, rows: MovingRows<'_>, bodies: &mut RigidBodies, step: f64) {
         for kind in [FIRM, LOOSE] {
             self.sweep(team, kind, false, |contacts| contacts.end_step(rows));
+        }
+        if bodies.is_any_pushed() {
+            bodies.end_step(step, |add| self.lists_mut().for_each(|list| list.colored.pushes(true, &mut *add)));
         }
     }
 

@@ -3,6 +3,7 @@
 //! All vertices of bodies are particles in world space. Of other objects, only the vertices that contacts touch are.
 //! Contacts are taken in the order of the store.
 
+mod driven;
 mod internal_edges;
 mod tangled;
 mod watch;
@@ -14,8 +15,11 @@ use bevy_ecs::{entity::EntityHashMap, prelude::*};
 use bevy_platform::collections::HashSet;
 use glam::{DVec3, Vec3};
 
-use self::watch::Unwatched;
 pub(super) use self::watch::Watch;
+use self::{
+    driven::{Driven, NONE},
+    watch::Unwatched,
+};
 use super::{
     anchors::Anchors,
     body::XpbdBody,
@@ -23,7 +27,8 @@ use super::{
     forces::SurfaceForces,
     inside::Insides,
     meeting::{MeetingCorners, MeetingTriangles},
-    particles::Particles,
+    motion::Motions,
+    particles::{NO_BODY, Particles},
     reaction::{NO_REACTION, Reactions},
     record::{completed, detected_sum, edges_of, face_of, flat, untangling, weighted},
     scene::Scene,
@@ -42,37 +47,6 @@ use crate::{
     },
     surface::{ActiveSurface, ContactSide},
 };
-
-/// Marks a vertex that is not a particle.
-const NONE: u32 = u32::MAX;
-
-/// Which vertices of a static or kinematic object are particles in this tick.
-#[derive(Default)]
-struct Driven {
-    slots: Vec<u32>,
-    used: Vec<u32>,
-    /// The last tick in which a contact touched the object.
-    tick: u64,
-}
-
-impl Driven {
-    /// Returns the particle of a vertex, and creates it from its start and end position if it does not exist yet.
-    fn particle(
-        &mut self,
-        particles: &mut Particles,
-        vertex: usize,
-        ends: impl FnOnce() -> Option<[DVec3; 2]>,
-    ) -> Option<u32> {
-        let slot = self.slots.get_mut(vertex)?;
-        if *slot == NONE {
-            let [start, end] = ends()?;
-            *slot = particles.len() as u32;
-            self.used.push(vertex as u32);
-            particles.push_driven(start, end);
-        }
-        Some(*slot)
-    }
-}
 
 /// Turns the contacts of a tick into constraints.
 #[derive(Default)]
@@ -97,6 +71,8 @@ pub(super) struct Gatherer {
     back: Option<DVec3>,
     pub(super) insides: Insides,
     pub(super) reactions: Reactions,
+    /// The numbers of the rigid bodies that shapes belong to.
+    rigid_bodies: EntityHashMap<u32>,
 }
 
 /// The particles of a feature pair. The flag is `true` for two edges.
@@ -125,6 +101,7 @@ impl Gatherer {
         self.tick += 1;
         self.anchors.begin();
         self.bodies.clear();
+        self.rigid_bodies.clear();
         self.reactions.begin_part();
         for driven in self.driven.values_mut() {
             for vertex in driven.used.drain(..) {
@@ -169,11 +146,7 @@ impl Gatherer {
             let particle_of = |vertex: VertexId| Some(first as u32 + weld.get(vertex.index())?);
             tethers.in_part(scene.motions.shares(), particle_of).for_each(|tether| solver.tether(&tether));
         }
-        // Within a tick, nothing stops what the body pushes. Contacts with it and attachments would push vertices back and
-        // forth in every substep, and the sum of that would throw away what is light.
-        if !scene.is_near_pushed(surface) {
-            self.anchors.attach(solver, surface.entity);
-        }
+        self.anchors.attach(solver, surface.entity);
         if let Ok(wind) = scene.winds.get(surface.entity) {
             solver.blow(wind.air());
         }
@@ -183,6 +156,18 @@ impl Gatherer {
             let acting = weld.iter().zip(forces).filter(|(_, force)| force.is_finite() && **force != Vec3::ZERO);
             solver.forces.extend(acting.map(|(&own, &force)| ((first + own as usize) as u32, force)));
         }
+    }
+
+    /// Lets contacts push the rigid bodies of shapes that are near something.
+    pub(super) fn add_rigid_bodies(&mut self, solver: &mut Solver, motions: &mut Motions) {
+        motions.hand_over(&mut solver.rigid_bodies, |shape, body| {
+            self.rigid_bodies.insert(shape, body);
+        });
+    }
+
+    /// The number of the rigid body that a shape belongs to.
+    pub(super) fn rigid_body(&self, shape: Entity) -> u32 {
+        self.rigid_bodies.get(&shape).copied().unwrap_or(NO_BODY)
     }
 
     pub(super) fn first_particle(&self, entity: Entity) -> Option<usize> {
@@ -231,7 +216,7 @@ impl Gatherer {
         }
         let entities = [pair.a.entity(), pair.b.entity()];
         let point = || pair.frame_pose.transform_point(record.point_b.as_dvec3());
-        self.ask_reaction(&mut constraint, scene, entities, point, &solver.particles);
+        self.ask_reaction(&mut constraint, scene, entities, point, solver);
         solver.contacts.push(&constraint, &solver.particles);
     }
 
@@ -242,11 +227,17 @@ impl Gatherer {
         scene: &Scene<'_, '_>,
         entities: [Entity; 2],
         point: impl FnOnce() -> DVec3,
-        particles: &Particles,
+        solver: &mut Solver,
     ) {
-        let wants = |entity: &Entity| scene.wants_reaction(*entity) && !self.bodies.contains_key(entity);
-        if let Some(entity) = entities.into_iter().find(wants) {
-            constraint.reaction = self.reactions.number(entity, point(), constraint.is_first_driven(particles));
+        let wants = |entity: &Entity| {
+            (scene.wants_reaction(*entity) || self.rigid_bodies.contains_key(entity))
+                && !self.bodies.contains_key(entity)
+        };
+        let Some(entity) = entities.into_iter().find(wants) else { return };
+        let (point, is_first) = (point(), constraint.is_first_driven(&solver.particles));
+        constraint.reaction = self.reactions.number(entity, point, is_first);
+        if let Some(&body) = self.rigid_bodies.get(&entity) {
+            solver.rigid_bodies.push_at(constraint.reaction, body, point, is_first);
         }
     }
 
@@ -283,13 +274,18 @@ impl Gatherer {
         let [corners_a, corners_b] = [a, b].map(|side| match side.corners {
             MeetingCorners::Body(corners) => corners,
             MeetingCorners::Driven { starts, ends, vertices } => std::array::from_fn(|corner| {
-                let ends = [starts[corner], ends[corner]];
+                let body = self.rigid_body(side.entity);
+                let end = match body {
+                    NO_BODY => ends[corner],
+                    body => solver.rigid_bodies.on_path(body, ends[corner]),
+                };
+                let ends = [starts[corner], end];
                 if let Some((corners, count)) = vertices {
                     let vertex = corners[corner] as usize;
                     let slots = self.slots(side.entity, count);
-                    return slots.particle(&mut solver.particles, vertex, || Some(ends)).unwrap_or(NONE);
+                    return slots.particle(&mut solver.particles, vertex, body, || Some(ends)).unwrap_or(NONE);
                 }
-                solver.particles.push_driven(ends[0], ends[1]);
+                solver.particles.push_on_body(body, ends);
                 solver.particles.len() as u32 - 1
             }),
         });
@@ -311,8 +307,8 @@ impl Gatherer {
         let mut constraint =
             ContactConstraint { parts: features, normal, distance, friction, reaction: NO_REACTION, recovers: false };
         let at = |particle: u32| solver.particles.start[particle as usize];
-        let point = || (0..3).map(|corner| at(corners_a[corner]) * found.barycentrics[0][corner]).sum();
-        self.ask_reaction(&mut constraint, scene, [a.entity, b.entity], point, &solver.particles);
+        let point: DVec3 = (0..3).map(|corner| at(corners_a[corner]) * found.barycentrics[0][corner]).sum();
+        self.ask_reaction(&mut constraint, scene, [a.entity, b.entity], || point, solver);
         solver.contacts.push(&constraint, &solver.particles);
         true
     }
@@ -361,10 +357,11 @@ impl Gatherer {
                 Some(topology.welded_triangles()[triangle as usize].map(|vertex| *first as u32 + vertex))
             }
             Side::Driven { entity, topology } => {
+                let body = self.rigid_body(*entity);
                 let slots = self.slots(*entity, topology.vertex_count());
                 let [a, b, c] = topology.welded_triangles()[triangle as usize].map(|vertex| {
                     let vertex = vertex as usize;
-                    slots.particle(particles, vertex, || scene.ends(*entity, pose, vertex))
+                    slots.particle(particles, vertex, body, || scene.ends(*entity, pose, vertex))
                 });
                 Some([a?, b?, c?])
             }
@@ -413,7 +410,8 @@ impl Gatherer {
         }
         let Some(b) = b else {
             let Side::Shape { entity } = side_b else { return None };
-            return Some(against_shape(scene, particles, pair, record, (a, entity, normal), friction));
+            let shape = (entity, self.rigid_body(entity));
+            return Some(against_shape(scene, particles, pair, record, (a, shape, normal), friction));
         };
         let has_inside = pair.one_sided.contains(&true);
         // A pair that the guard kept apart has not passed through, even if a rotation brought it to the other side of
@@ -455,7 +453,7 @@ fn against_shape(
     particles: &mut Particles,
     pair: &StoredPair,
     record: &CompactContact,
-    (corners, shape, normal): ([u32; 3], Entity, DVec3),
+    (corners, (shape, body), normal): ([u32; 3], (Entity, u32), DVec3),
     friction: [f64; 2],
 ) -> ContactConstraint {
     let now = pair.poses[1];
@@ -463,7 +461,7 @@ fn against_shape(
     let ahead = scene.motions.course(shape).map(|course| course.ahead.pose);
     let end = ahead.map_or(start, |ahead| ahead.transform_point(now.inverse().transform_point(start)));
     let place = particles.len() as u32;
-    particles.push_driven(start, end);
+    particles.push_on_body(body, [start, end]);
     let weights = completed(record.features.a, record.barycentric_a);
     let mut entries: ArrayVec<(u32, f64), 6> = ArrayVec::new();
     entries.extend(corners.into_iter().zip(weights).filter(|&(_, weight)| weight != 0.0));

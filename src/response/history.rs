@@ -2,12 +2,7 @@
 
 use bevy_ecs::{entity::EntityHashMap, prelude::*};
 
-use super::{
-    inside::Insides,
-    motion::Motions,
-    respond::{BodyMargins, Response},
-    sleep::Sleep,
-};
+use super::{inside::Insides, margins::BodyMargins, motion::Motions, respond::Response, sleep::Sleep};
 
 /// The history of the response, empty before its first tick.
 #[derive(Clone, Default)]

@@ -64,6 +64,9 @@
 //! both sides. Insert [`Teleported`](crate::Teleported) on anything that should jump instead. Motion written during a
 //! tick of zero duration takes place in the next tick.
 //!
+//! A rigid shape with a [`RigidMass`] begins where the last tick left it and heads for where the game has written it, but
+//! gives way to what is in its way. The game applies the [`RigidPush`] of the tick to it.
+//!
 //! If the `Transform` of a body or of one of its parents moves, the body keeps its place in the world, because it has
 //! inertia. Its pinned vertices move with the transform. Insert [`Teleported`](crate::Teleported) to move the whole
 //! body.
@@ -129,6 +132,7 @@ mod history;
 #[cfg(feature = "serde")]
 mod infinite;
 mod inside;
+mod margins;
 mod material;
 mod meeting;
 mod motion;
@@ -137,6 +141,7 @@ mod reaction;
 mod record;
 mod respond;
 mod rest;
+mod rigid_body;
 mod scene;
 #[cfg(feature = "serde")]
 mod serialized;
@@ -170,6 +175,7 @@ pub(crate) use history::ResponseHistory;
 pub use material::XpbdMaterial;
 pub use reaction::SurfaceReaction;
 pub use respond::XpbdDiagnostics;
+pub use rigid_body::{RigidMass, RigidPart, RigidPush};
 pub use settings::XpbdSettings;
 pub use tethers::{Tether, TetherTarget, XpbdTethers};
 
@@ -212,7 +218,7 @@ impl Plugin for XpbdResponsePlugin {
         app.add_systems(
             self.schedule,
             (
-                (sleep::wake_changed, motion::begin, tethers::aim_tethers, respond::choose_margins, respond::aim)
+                (sleep::wake_changed, motion::begin, tethers::aim_tethers, margins::choose_margins, respond::aim)
                     .chain()
                     .in_set(DeformableSystems::Predict),
                 motion::rewind.in_set(DeformableSystems::Detect).before(run_detection),

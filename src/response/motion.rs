@@ -6,14 +6,22 @@
 //! near a body, the tick is split into parts with a detection each.
 
 mod course;
+mod rigid;
 
 use std::sync::Arc;
 
-use bevy_ecs::{change_detection::Tick, entity::EntityHashMap, prelude::*};
+use bevy_ecs::{
+    change_detection::Tick,
+    entity::{EntityHashMap, EntityHashSet},
+    prelude::*,
+};
 use bevy_time::Time;
 use glam::{DVec3, Vec3};
 
-use self::course::{Course, Region, Stand, Track};
+use self::{
+    course::{Course, Region, Stand, Track},
+    rigid::{Masses, Pushed},
+};
 use super::{body::XpbdBody, sleep::Sleep};
 use crate::{
     kernel::{
@@ -50,6 +58,10 @@ pub(super) struct Motions {
     longest: f64,
     /// Sleeping bodies that something comes near, so fast that contacts might not show it in time.
     approached: Vec<Entity>,
+    /// Rigid bodies that contacts push.
+    pushed: Vec<Pushed>,
+    /// Rigid bodies with masses that cannot be used, of which the log has warned.
+    massless: EntityHashSet,
 }
 
 /// Where a body may be in this tick, its mean displacement, and its mean edge.
@@ -103,13 +115,13 @@ impl Motions {
         &self.approached
     }
 
-    /// Records the trajectory of an object if it has moved since the last tick. A surface has triangles, positions, and
-    /// the last change of these; a shape that is tested by formula has none.
+    /// Records the trajectory of an object if it has moved since the last tick, or if contacts push it. A surface has
+    /// triangles, positions, and the last change of these; a shape that is tested by formula has none.
     fn follow(
         &mut self,
         entity: Entity,
         mesh: Option<(&Arc<SurfaceTopology>, &[Vec3], Tick)>,
-        pose: &Pose,
+        (pose, is_pushed): (&Pose, bool),
         fresh: bool,
     ) {
         let (positions, changed) = mesh.map_or((&[][..], None), |(_, positions, changed)| (positions, Some(changed)));
@@ -118,15 +130,16 @@ impl Motions {
         let is_known =
             trace.tick > 0 && trace.tick + 1 == tick && !fresh && trace.stand.positions.len() == positions.len();
         let deforms = changed.is_none_or(|_| trace.changed != changed) && trace.stand.positions != positions;
-        if is_known && !deforms && trace.stand.pose.has_bits_of(pose) {
+        if is_known && !is_pushed && !deforms && trace.stand.pose.has_bits_of(pose) {
             (trace.tick, trace.changed) = (tick, changed);
             return;
         }
         let from = std::mem::take(&mut trace.stand);
         trace.stand.set(positions, pose);
         (trace.tick, trace.changed) = (tick, changed);
-        if is_known {
+        if is_known || is_pushed {
             let to = trace.stand.clone();
+            let from = if is_known { from } else { to.clone() };
             let topology = mesh.map(|(topology, ..)| Arc::clone(topology));
             self.courses.insert(entity, Course { topology, ..Course::new(from, to, false) });
         }
@@ -136,6 +149,7 @@ impl Motions {
     fn stand_still(&mut self) {
         self.courses.clear();
         self.approached.clear();
+        self.pushed.clear();
         (self.parts, self.part, self.longest) = (1, 0, 0.0);
     }
 
@@ -157,10 +171,10 @@ impl Motions {
             let mut is_near = false;
             for body in bodies.iter().filter(|body| body.region.overlaps(&track.region)) {
                 is_near = true;
-                if body.is_asleep {
+                let way = track.way(&body.region, body.motion);
+                if body.is_asleep && way > 0.0 {
                     approached.push(body.entity);
                 }
-                let way = track.way(&body.region, body.motion);
                 longest = longest.max(way);
                 let fits = |count: &u32| way <= f64::from(*count) * body.mean_edge;
                 if body.mean_edge > 0.0 {
@@ -185,6 +199,7 @@ impl Motions {
             std::mem::swap(now, ahead);
             ahead.become_between(from, to, share, *deforms);
         }
+        self.look_ahead_pushed();
     }
 }
 
@@ -194,6 +209,7 @@ pub(super) fn begin(
     time: Option<Res<Time>>,
     active: Res<ActiveSurfaces>,
     sleep: Res<Sleep>,
+    masses: Masses<'_, '_>,
     mut motions: ResMut<Motions>,
     mut surfaces: Query<(
         &mut SurfacePositions,
@@ -243,12 +259,14 @@ pub(super) fn begin(
                 }
                 let changed = positions.last_changed();
                 let mesh = (&surface.topology, &*positions.0, changed);
-                motions.follow(surface.entity, Some(mesh), &surface.pose, surface.fresh);
+                let is_pushed = surface.rigid && motions.weigh(surface.entity, &surface.pose, &masses);
+                motions.follow(surface.entity, Some(mesh), (&surface.pose, is_pushed), surface.fresh);
             }
         }
     }
     for shape in &active.shapes {
-        motions.follow(shape.entity, None, &shape.pose, shape.fresh);
+        let is_pushed = motions.weigh(shape.entity, &shape.pose, &masses);
+        motions.follow(shape.entity, None, (&shape.pose, is_pushed), shape.fresh);
     }
     let tick = motions.tick;
     motions.traces.retain(|_, trace| trace.tick == tick);

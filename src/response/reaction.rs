@@ -11,11 +11,11 @@ use crate::{
 };
 
 /// The impulse that the contacts of the last tick gave to a rigid shape, or to a surface that the solver does not move.
-/// Insert it on such an entity to have it written in every tick. A physics engine, or the game, applies it to the body that
-/// the shape belongs to: the other half of two-way coupling.
+/// Insert it on such an entity to have it written in every tick. To let surfaces push a rigid body, use
+/// [`RigidMass`](super::RigidMass) instead: an impulse that comes when the tick is over adds energy to what springs back.
 ///
-/// It holds what normal contacts and friction pushed, which is all of it while nothing is swept. What the guard of
-/// [`SweptCollision`](crate::SweptCollision) stops on its way leaves no impulse.
+/// It holds what contacts, their friction, and the guard of [`SweptCollision`](crate::SweptCollision) pushed. What the guard
+/// can only stop, because other objects leave it no way, leaves no impulse.
 #[derive(Component, Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "reflect", derive(Reflect), reflect(Component, Clone, Debug, Default, PartialEq))]
 pub struct SurfaceReaction {
@@ -65,7 +65,11 @@ impl Reactions {
     /// Adds the impulse that a contact gave to its first side.
     pub(super) fn add(&mut self, number: u32, impulse: DVec3) {
         let Pushed { entity, point, sign } = self.contacts[number as usize];
-        let impulse = impulse * sign;
+        self.add_at(entity, point, impulse * sign);
+    }
+
+    /// Adds an impulse on an entity at a point.
+    pub(super) fn add_at(&mut self, entity: Entity, point: DVec3, impulse: DVec3) {
         let [sum, moment] = self.sums.entry(entity).or_default();
         *sum += impulse;
         *moment += point.cross(impulse);

@@ -1,6 +1,6 @@
 //! The systems of the response: choose margins for detection, solve the tick, and write the result back.
 
-use core::{mem, time::Duration};
+use core::time::Duration;
 
 use bevy_ecs::{entity::EntityHashMap, prelude::*};
 #[cfg(feature = "reflect")]
@@ -13,9 +13,11 @@ use super::{
     error::{MOST_COORDINATE, XpbdBodyError},
     gather::{Gatherer, Watch},
     guard::Guard,
+    margins::BodyMargins,
     motion::{self, Motions},
     particles::Particles,
     reaction::SurfaceReaction,
+    rigid_body::RigidPush,
     scene::Scene,
     settings::XpbdSettings,
     sleep::Sleep,
@@ -30,10 +32,7 @@ use crate::{
         pose::Pose,
     },
     schedule::run_detection,
-    surface::{
-        ActiveSurface, ActiveSurfaces, DeformableSurface, Named, SurfacePositions, SurfaceShape, SweptCollision,
-        SweptTarget,
-    },
+    surface::{ActiveSurface, ActiveSurfaces, Named, SurfacePositions, SweptCollision, SweptTarget},
 };
 
 /// What the response did in the last tick. If the tick was split, fields that say so describe its last part only, and
@@ -93,7 +92,7 @@ pub(super) struct Response {
     /// The margins of each body.
     pub(super) margins: EntityHashMap<BodyMargins>,
     /// How far something falls from rest in this tick or part, in world units.
-    fall: f32,
+    pub(super) fall: f32,
     refused: Vec<Entity>,
     /// Bodies that left the computable range, in this tick and in the last one.
     stopped: Vec<Entity>,
@@ -107,25 +106,6 @@ pub(super) struct Response {
 /// Number of ticks without a squeezed body after which the warning may repeat.
 const CALM_TICKS: u32 = 60;
 
-/// Smallest and largest margin of a body, in mean edges of the finest body: wider ones cost more than they save.
-const LEAST_MARGIN: f32 = 1.0 / 32.0;
-const MOST_MARGIN: f32 = 0.5;
-
-/// Largest margin of a swept body against itself, where the guard finds what it has missed: with the wide one a garment on a
-/// walking character takes 1.15 times as long. What the guard stops leaves no [reaction](super::reaction), so other objects
-/// keep the wide one: a rigid ball in a cloth would roll twice as fast.
-const MOST_OWN_MARGIN_SWEPT: f32 = 0.25;
-
-/// The margin of a body, in root mean squares of the ways of its vertices in a tick. Some are faster than the others, and
-/// what they meet may be as fast.
-const HASTE: f32 = 2.0;
-
-/// The next wider margin relative to the last, and the number of ticks for which one may stay wider than needed. A change
-/// discards the lists of near pairs, but pairs that are not near cost more: by steps of 2 and after 8 ticks, scenes in motion
-/// took up to a fifth longer.
-const STEP: f32 = 1.19;
-const WIDE_TICKS: u32 = 3;
-
 /// Smallest number of substeps of a part. With fewer, vertices lag behind the kinematic object that pushes them.
 const LEAST_SUBSTEPS: u32 = 4;
 
@@ -135,99 +115,6 @@ const MOST_MISSED: usize = 2;
 /// Largest number of solutions of an unsplit tick, and of a part.
 const MOST_SOLUTIONS: usize = 4;
 const MOST_SOLUTIONS_OF_PART: usize = 3;
-
-/// Gives each body margins for its expected motion in this tick, so that anything that may touch during the tick is
-/// detected at its beginning. Whatever is no body gets the widest of these.
-pub(super) fn choose_margins(
-    time: Option<Res<Time>>,
-    settings: Res<XpbdSettings>,
-    mut active: ResMut<ActiveSurfaces>,
-    (motions, sleep): (Res<Motions>, Res<Sleep>),
-    bodies: Query<(&DeformableSurface, &XpbdBody, Has<SweptCollision>)>,
-    mut response: ResMut<Response>,
-) {
-    let Some(time) = time else { return };
-    let Response { margins, fall, .. } = &mut *response;
-    let duration = time.delta_secs() / motions.parts() as f32;
-    // Twice that, so at least as far, however few substeps there are.
-    *fall = settings.in_range().gravity.length() * duration * duration;
-    let awake = |entity| bodies.get(entity).ok().filter(|_| !sleep.is_asleep(entity));
-    let edge = |mesh: &DeformableSurface, surface: &ActiveSurface| mesh.mean_edge() * surface.pose.scale() as f32;
-    let edges = active.surfaces.iter().filter_map(|surface| Some(edge(awake(surface.entity)?.0, surface)));
-    let finest = edges.fold(f32::INFINITY, f32::min);
-    if !(finest.is_finite() && finest > 0.0) {
-        return;
-    }
-    let mut widest = 0.0_f32;
-    for surface in &mut active.surfaces {
-        let Some((_, body, is_swept)) = awake(surface.entity) else { continue };
-        let [own, speed] = speeds(body);
-        let is_smooth = surface.shape == SurfaceShape::Smooth;
-        let slack = Watch::slack(f64::from(*fall), f64::from(surface.thickness), is_smooth) as f32;
-        // What it meets may move as fast.
-        let other = HASTE * speed * duration + slack + motions.longest() as f32;
-        let margin = margins.entry(surface.entity).or_default();
-        margin.is_used = true;
-        let most_own = if is_swept { MOST_OWN_MARGIN_SWEPT } else { MOST_MARGIN };
-        surface.solver_margins = [
-            margin.own.choose(HASTE * own * duration, finest, most_own),
-            margin.other.choose(other, finest, MOST_MARGIN),
-        ];
-        widest = widest.max(surface.solver_margins[1]);
-    }
-    margins.retain(|_, margin| mem::take(&mut margin.is_used));
-    let others = active.surfaces.iter_mut().filter(|surface| !margins.contains_key(&surface.entity));
-    others.for_each(|surface| surface.solver_margins = [0.0, widest]);
-    active.shapes.iter_mut().for_each(|shape| shape.solver_margin = widest);
-}
-
-/// Root mean squares of the velocities of a body's vertices, relative to the mean velocity, and in the world.
-fn speeds(body: &XpbdBody) -> [f32; 2] {
-    let (mut count, mut sum, mut squares) = (0_usize, Vec3::ZERO, 0.0);
-    for (velocity, _) in body.free_vertices() {
-        count += 1;
-        sum += velocity;
-        squares += velocity.length_squared();
-    }
-    let share = 1.0 / count.max(1) as f32;
-    let squared = squares * share;
-    let relative = (squared - (sum * share).length_squared()).max(0.0);
-    [relative.sqrt(), squared.sqrt()]
-}
-
-/// The margins of a body, against itself and against others.
-#[derive(Clone, Default)]
-pub(super) struct BodyMargins {
-    own: Margin,
-    other: Margin,
-    /// Whether the body takes part in this tick.
-    is_used: bool,
-}
-
-/// A margin, in steps.
-#[derive(Clone, Default)]
-struct Margin {
-    /// In world units. 0 before the first tick.
-    width: f32,
-    /// Number of consecutive ticks in which it was wider than needed.
-    too_wide: u32,
-}
-
-impl Margin {
-    /// The margin of a tick in which the body moves by about `way`, at most `most` edges of the finest body. It stays too
-    /// wide for a while: a change discards the lists of near pairs.
-    fn choose(&mut self, way: f32, finest: f32, most: f32) -> f32 {
-        let mut width = LEAST_MARGIN * finest;
-        while width < way.min(most * finest) {
-            width *= STEP;
-        }
-        self.too_wide = if width < self.width { self.too_wide + 1 } else { 0 };
-        if !(1..=WIDE_TICKS).contains(&self.too_wide) {
-            self.width = width;
-        }
-        self.width
-    }
-}
 
 /// Tells the swept stage where bodies with [`SweptCollision`] would move at their velocities. Not where gravity would
 /// pull them: what lies still would be swept for nothing.
@@ -282,8 +169,15 @@ pub(super) fn respond_in_parts(world: &mut World) {
     run(world, write_reactions);
 }
 
-fn write_reactions(active: Res<ActiveSurfaces>, response: Res<Response>, mut reactions: Query<&mut SurfaceReaction>) {
+fn write_reactions(
+    active: Res<ActiveSurfaces>,
+    response: Res<Response>,
+    mut motions: ResMut<Motions>,
+    mut reactions: Query<&mut SurfaceReaction>,
+    mut pushes: Query<(Entity, &mut RigidPush)>,
+) {
     response.gatherer.reactions.write(&active, &mut reactions);
+    motions.end_pushes(&mut pushes);
 }
 
 /// Warns once per episode that bodies are squeezed with no way left.
@@ -315,7 +209,7 @@ fn run<M>(world: &mut World, system: impl IntoSystem<(), (), M> + 'static) {
 fn respond(
     time: Option<Res<Time>>,
     settings: Res<XpbdSettings>,
-    scene: Scene,
+    mut scene: Scene,
     mut sleep: ResMut<Sleep>,
     mut response: ResMut<Response>,
     mut diagnostics: ResMut<XpbdDiagnostics>,
@@ -336,6 +230,7 @@ fn respond(
     diagnostics.asleep = sleep.count();
     let Response { solver, gatherer, guard, moved, refused, fall, .. } = response;
     gatherer.begin();
+    gatherer.add_rigid_bodies(solver, &mut scene.motions);
     let awake = scene.active.surfaces.iter().filter(|surface| !sleep.is_asleep(surface.entity));
     for surface in awake {
         let Ok((positions, Some(body), inside)) = scene.positions.get(surface.entity) else { continue };
@@ -369,12 +264,14 @@ fn respond(
     let mut solved = solver.advance(threads, duration, &settings, &mut |solver, substep| {
         gatherer.add_pushed(solver, &scene, watch, substep)
     });
+    scene.motions.push(&solver.rigid_bodies);
     for _ in 0..MOST_MISSED {
         if !gatherer.add_missed(solver, &scene) {
             break;
         }
         solver.begin_again();
         solved = solver.advance(threads, duration, &settings, &mut |_, _| false);
+        scene.motions.push(&solver.rigid_bodies);
         diagnostics.solved_again += 1;
     }
     diagnostics.contacts = solver.contacts.len();
@@ -396,6 +293,7 @@ fn respond(
         solutions += 1;
         solver.begin_again();
         solved_again = solver.advance(threads, duration, &settings, &mut |_, _| false);
+        scene.motions.push(&solver.rigid_bodies);
         solver.follow_welds();
         met = guard.look_again(&solver.particles, &scene, gatherer);
     }
@@ -405,7 +303,9 @@ fn respond(
     diagnostics.contact_solves += solved.contact_solves;
     diagnostics.pressing = solved.pressing;
     gatherer.end();
-    let guarded = guard.stop(&mut solver.particles, &scene, duration, gatherer);
+    let Solver { particles, rigid_bodies, .. } = solver;
+    let guarded = guard.stop((particles, rigid_bodies), &scene, duration, gatherer);
+    scene.motions.keep_pushed(rigid_bodies);
     diagnostics.impacts += guarded.impacts;
     diagnostics.vertices_stopped += guarded.stopped;
     diagnostics.impacts_remaining += guarded.remaining;

@@ -14,12 +14,10 @@ use super::{
 };
 use crate::{
     contacts::{ContactStore, StoredPair},
-    detection::{SharedList, Threads, moved_box},
+    detection::{SharedList, Threads},
     kernel::{contact::TouchingPair, mesh::feature::FeatureKind, pose::Pose},
     settings::CircumsphereSettings,
-    surface::{
-        ActiveShape, ActiveSurface, ActiveSurfaces, ContactFilter, SurfacePositions, SweptCollision, TetrahedralBody,
-    },
+    surface::{ActiveShape, ActiveSurfaces, ContactFilter, SurfacePositions, SweptCollision, TetrahedralBody},
 };
 
 /// A surface, with its body and its tetrahedra if it has any.
@@ -29,7 +27,7 @@ type PositionsOf = (Ref<'static, SurfacePositions>, Option<&'static XpbdBody>, O
 #[derive(SystemParam)]
 pub(super) struct Scene<'w, 's> {
     pub(super) active: Res<'w, ActiveSurfaces>,
-    pub(super) motions: Res<'w, Motions>,
+    pub(super) motions: ResMut<'w, Motions>,
     pub(super) positions: Query<'w, 's, PositionsOf>,
     pub(super) store: Res<'w, ContactStore>,
     pub(super) tethers: Query<'w, 's, &'static XpbdTethers>,
@@ -60,21 +58,6 @@ impl Scene<'_, '_> {
     /// Whether the impulses of an entity's contacts are to be written to it.
     pub(super) fn wants_reaction(&self, entity: Entity) -> bool {
         !self.reactions.is_empty() && self.reactions.contains(entity)
-    }
-
-    /// Whether something that a body may push, because it takes reactions, is within half of the body's size.
-    pub(super) fn is_near_pushed(&self, body: &ActiveSurface) -> bool {
-        if self.reactions.is_empty() {
-            return false;
-        }
-        let bounds = body.world_bounds.grown(0.5 * (body.world_bounds.max - body.world_bounds.min).length());
-        let mut surfaces = self.active.surfaces.iter().filter(|other| other.entity != body.entity && body.meets(other));
-        let mut shapes = self.active.shapes.iter().filter(|shape| body.layers.interacts_with(shape.layers));
-        surfaces.any(|other| other.world_bounds.overlaps(&bounds) && self.wants_reaction(other.entity))
-            || shapes.any(|shape| {
-                let is_near = |own| moved_box(&own, &shape.pose).overlaps(&bounds);
-                shape.geometry.bounds().is_none_or(is_near) && self.wants_reaction(shape.entity)
-            })
     }
 
     pub(super) fn is_swept(&self, entity: Entity) -> bool {
@@ -146,7 +129,7 @@ impl Scene<'_, '_> {
     /// Pose of a shape at the beginning and at the end of this part of the tick.
     pub(super) fn poses(&self, shape: &ActiveShape) -> [Pose; 2] {
         let course = self.motions.course(shape.entity);
-        course.map_or([shape.pose; 2], |course| [course.now.pose, course.ahead.pose])
+        course.map_or([shape.pose; 2], |course| [course.now.pose, *course.end()])
     }
 
     pub(super) fn friction(&self, a: Entity, b: Entity) -> [f64; 2] {

@@ -34,7 +34,7 @@ pub struct XpbdSettings {
     /// second: no vertex has gone farther than half of it. They are then not solved until something that moves comes
     /// near, something that they touched moves or disappears, or the game changes them. 0 or more; with 0, bodies never
     /// sleep. Default 0.002: slower than a player sees. A body that nothing holds, or that touches something with a
-    /// [`SurfaceReaction`](super::SurfaceReaction), stays awake.
+    /// [`RigidMass`](super::RigidMass) or a [`SurfaceReaction`](super::SurfaceReaction), stays awake.
     pub sleep_speed: f32,
 }
 

@@ -23,8 +23,8 @@ use crate::{
         mesh::topology::SurfaceTopology,
         simd::parallel::{Sequential, Team, share},
         xpbd::{
-            Air, Attachments, Elasticity, Evaluation, Hinges, MovingRows, ParticleRows, Springs, Tethered, Tethers,
-            Tetrahedra, Volumes, Winds,
+            Air, Attachments, Elasticity, Evaluation, Hinges, MovingRows, ParticleRows, RigidBodies, Springs, Tethered,
+            Tethers, Tetrahedra, Volumes, Winds,
         },
     },
 };
@@ -228,6 +228,7 @@ pub(super) struct Solver {
     pub(super) particles: Particles,
     pub(super) bodies: Vec<SolverBody>,
     pub(super) contacts: SolverContacts,
+    pub(super) rigid_bodies: RigidBodies,
     /// Forces on particles.
     pub(super) forces: Vec<(u32, Vec3)>,
     tethers: Tethers,
@@ -255,6 +256,7 @@ impl Solver {
     pub(super) fn clear(&mut self) {
         self.particles.clear();
         self.bodies.clear();
+        self.rigid_bodies.clear();
         self.forces.clear();
         self.tethers.clear();
         self.attachments.clear();
@@ -323,17 +325,22 @@ impl Solver {
         let step = duration / f64::from(settings.substeps);
         let mut solved = Solved::default();
         self.particles.begin(&mut self.rows);
+        self.rigid_bodies.begin();
+        self.particles.carry(0, &mut self.rigid_bodies);
         self.contacts.begin_solution(team, &self.particles, self.rows.moving());
         for substep in 1..=settings.substeps {
             if substep > 1 {
                 let is_any_new = add_contacts(self, substep);
                 let passed = (f64::from(substep - 1) / f64::from(settings.substeps)) as f32;
+                let known = self.rows.count();
                 self.particles.extend(&mut self.rows, passed);
+                self.particles.carry(known, &mut self.rigid_bodies);
+                self.rigid_bodies.place(self.rows.moving(), passed);
                 if is_any_new {
                     self.contacts.extend(team, &self.particles, self.rows.moving(), passed);
                 }
             }
-            let Self { bodies, contacts, forces, tethers, attachments, winds, rows, inners, .. } = self;
+            let Self { bodies, contacts, rigid_bodies, forces, tethers, attachments, winds, rows, inners, .. } = self;
             for body in &*bodies {
                 let kept = (1.0 - f64::from(body.material.drag) * step).max(0.0);
                 rows.slow_down(body.first, body.topology.vertex_count(), kept as f32);
@@ -342,25 +349,28 @@ impl Solver {
             rows.apply_forces(forces, step as f32);
             let share = f64::from(substep) / f64::from(settings.substeps);
             rows.predict(step as f32, settings.gravity, share as f32);
+            rigid_bodies.predict(step);
+            rigid_bodies.place(rows.moving(), share as f32);
+            rigid_bodies.set_speeds(rows.moving(), step as f32);
             let push_out = (f64::from(settings.push_out_speed) * step) as f32;
             let rate = duration.recip() as f32;
             let evaluation = Evaluation { step: step as f32, push_out, share: share as f32, rate };
-            contacts.begin_step(team, rows.moving(), evaluation);
+            contacts.begin_step(team, rows.moving(), rigid_bodies, evaluation);
             inners.begin_step(bodies, contacts);
             for _ in 0..settings.iterations {
                 inners.solve(team, bodies, rows, step);
                 attachments.solve(rows.moving(), (share * duration) as f32);
                 tethers.solve(rows, share as f32);
-                contacts.solve(team, rows.moving());
+                contacts.solve(team, rows.moving(), rigid_bodies, share as f32);
                 if inners.keep_upright(team, rows.moving()) {
-                    contacts.separate_again(team, rows.moving());
+                    contacts.separate_again(team, rows.moving(), rigid_bodies, share as f32);
                     inners.keep_upright(team, rows.moving());
                 }
             }
             rows.update_velocities(step as f32);
             inners.damp(team, bodies, rows.moving(), step);
             inners.end_step(team, rows.moving());
-            contacts.end_step(team, rows.moving());
+            contacts.end_step(team, rows.moving(), rigid_bodies, step);
             let [acting, pressing] = contacts.counts();
             solved.contact_solves += acting * settings.iterations as usize;
             solved.pressing = pressing;

@@ -7,6 +7,7 @@ mod holds;
 mod inside;
 mod motion;
 mod rest;
+mod rigid_mass;
 mod shots;
 mod sleep;
 mod stability;

@@ -21,9 +21,12 @@ use bevy::{
     ecs::{intern::Interned, schedule::ScheduleLabel},
     prelude::*,
 };
-use bevy_circumsphere::{prelude::*, response::SurfaceReaction};
+use bevy_circumsphere::{
+    prelude::*,
+    response::{RigidMass, RigidPart, RigidPush},
+};
 
-/// Gives each of avian's colliders a [`RigidShape`], and hands what surfaces do to it to its body.
+/// Gives each of avian's colliders a [`RigidShape`], and lets surfaces push dynamic bodies.
 ///
 /// - A collider that is a sensor or disabled, or whose body is disabled, has no shape. To hide one from surfaces only,
 ///   insert [`SurfaceDisabled`].
@@ -51,8 +54,8 @@ impl Default for AvianSurfacesPlugin {
 
 impl Plugin for AvianSurfacesPlugin {
     fn build(&self, app: &mut App) {
-        // First avian moves its bodies, then surfaces are pushed out of their way, and what pushed them is slowed down
-        // before it moves again. The other way round, surfaces would be a tick behind the bodies, and drawn inside them.
+        // First avian moves its bodies, then surfaces and bodies push each other. The other way round, surfaces would be a
+        // tick behind the bodies, and drawn inside them.
         app.configure_sets(
             self.schedule,
             (
@@ -62,7 +65,10 @@ impl Plugin for AvianSurfacesPlugin {
         );
         app.add_systems(
             self.schedule,
-            (follow_colliders.in_set(AvianSurfacesSystems::Follow), push_bodies.in_set(AvianSurfacesSystems::Push)),
+            (
+                (follow_colliders, weigh_bodies).in_set(AvianSurfacesSystems::Follow),
+                push_bodies.in_set(AvianSurfacesSystems::Push),
+            ),
         );
     }
 }
@@ -72,7 +78,7 @@ impl Plugin for AvianSurfacesPlugin {
 pub enum AvianSurfacesSystems {
     /// Shapes follow their colliders, after the engine has moved them, and before surfaces are gathered.
     Follow,
-    /// Reactions are applied to bodies, after surfaces have been moved.
+    /// Bodies are moved by what surfaces did to them, after the surfaces have been moved.
     Push,
 }
 
@@ -89,18 +95,18 @@ fn follow_colliders(
         Option<&ColliderOf>,
         Option<&RigidShape>,
         Has<FollowsCollider>,
-        Has<SurfaceReaction>,
+        Option<&RigidPart>,
         Has<Sensor>,
         Has<ColliderDisabled>,
     )>,
     bodies: Query<(&RigidBody, Has<RigidBodyDisabled>)>,
     orphans: Query<Entity, (With<FollowsCollider>, Without<Collider>)>,
 ) {
-    for (entity, collider, layers, of, shape, follows, reacts, is_sensor, is_disabled) in &colliders {
+    for (entity, collider, layers, of, shape, follows, part, is_sensor, is_disabled) in &colliders {
         let body = of.and_then(|of| bodies.get(of.body).ok());
         if is_sensor || is_disabled || body.is_some_and(|(_, is_disabled)| is_disabled) {
             if follows {
-                commands.entity(entity).remove::<(FollowsCollider, RigidShape, SurfaceReaction)>();
+                commands.entity(entity).remove::<(FollowsCollider, RigidShape, RigidPart)>();
             }
             continue;
         }
@@ -117,30 +123,98 @@ fn follow_colliders(
             let (memberships, filters) = (layers.memberships.0, layers.filters.0);
             commands.entity(entity).insert(SurfaceLayers { memberships, filters });
         }
-        // Only where it is of use: surfaces that touch something with a reaction do not sleep.
-        match body.is_some_and(|(body, _)| body.is_dynamic()) {
-            true if !reacts => commands.entity(entity).insert(SurfaceReaction::default()),
-            false if reacts => commands.entity(entity).remove::<SurfaceReaction>(),
-            _ => continue,
-        };
+        if let Some(of) = of
+            && part != Some(&RigidPart(of.body))
+        {
+            commands.entity(entity).insert(RigidPart(of.body));
+        }
     }
     for entity in &orphans {
-        commands.entity(entity).remove::<(FollowsCollider, RigidShape, SurfaceReaction)>();
+        commands.entity(entity).remove::<(FollowsCollider, RigidShape, RigidPart)>();
+    }
+}
+
+/// Only dynamic bodies have masses: surfaces that touch one do not sleep.
+fn weigh_bodies(
+    mut commands: Commands,
+    mut bodies: Query<(
+        Entity,
+        &RigidBody,
+        &Position,
+        &Rotation,
+        &ComputedMass,
+        &ComputedAngularInertia,
+        &ComputedCenterOfMass,
+        Option<&LockedAxes>,
+        Option<&mut RigidMass>,
+    )>,
+) {
+    for (entity, body, position, rotation, mass, inertia, center, locked, known) in &mut bodies {
+        if !body.is_dynamic() {
+            if known.is_some() {
+                commands.entity(entity).remove::<(RigidMass, RigidPush)>();
+            }
+            continue;
+        }
+        let locked = locked.copied().unwrap_or_default();
+        let (inverse_mass, mut inverse_inertia) = (mass.inverse(), Mat3::from(inertia.rotated(rotation.0).inverse()));
+        let free = |is_locked: bool| if is_locked { 0.0 } else { inverse_mass };
+        let turns = [locked.is_rotation_x_locked(), locked.is_rotation_y_locked(), locked.is_rotation_z_locked()];
+        for (axis, _) in turns.into_iter().enumerate().filter(|(_, is_locked)| *is_locked) {
+            *inverse_inertia.col_mut(axis) = Vec3::ZERO;
+            inverse_inertia = inverse_inertia.transpose();
+            *inverse_inertia.col_mut(axis) = Vec3::ZERO;
+        }
+        let mass = RigidMass {
+            inverse_mass: Vec3::new(
+                free(locked.is_translation_x_locked()),
+                free(locked.is_translation_y_locked()),
+                free(locked.is_translation_z_locked()),
+            ),
+            inverse_inertia,
+            center_of_mass: position.0 + rotation.0 * center.0,
+        };
+        if let Some(mut known) = known {
+            known.set_if_neq(mass);
+        } else {
+            commands.entity(entity).insert(mass);
+        }
     }
 }
 
 fn push_bodies(
-    colliders: Query<(&SurfaceReaction, &ColliderOf, &ColliderTransform), With<FollowsCollider>>,
-    mut bodies: Query<Forces, Without<RigidBodyDisabled>>,
+    mut commands: Commands,
+    mut bodies: Query<(
+        Entity,
+        &RigidPush,
+        &ComputedCenterOfMass,
+        &mut Position,
+        &mut Rotation,
+        &mut LinearVelocity,
+        &mut AngularVelocity,
+        &mut Transform,
+        Option<&ChildOf>,
+        Has<Sleeping>,
+    )>,
+    parents: Query<&GlobalTransform>,
 ) {
-    for (reaction, of, place) in &colliders {
-        if *reaction == SurfaceReaction::default() {
+    for (entity, push, center, mut position, mut rotation, mut linear, mut angular, mut transform, child, is_asleep) in
+        &mut bodies
+    {
+        if *push == RigidPush::default() {
             continue;
         }
-        let Ok(mut body) = bodies.get_mut(of.body) else { continue };
-        // Where the collider's entity is in the world. Its moment is about that.
-        let origin = body.position() + body.rotation() * place.translation;
-        body.apply_linear_impulse_at_point(reaction.impulse, origin);
-        body.apply_angular_impulse(reaction.angular_impulse);
+        let place = position.0 + rotation.0 * center.0 + push.translation;
+        rotation.0 = (push.rotation * rotation.0).normalize();
+        position.0 = place - rotation.0 * center.0;
+        linear.0 += push.velocity;
+        angular.0 += push.angular_velocity;
+        let shown = Transform { translation: position.0, rotation: rotation.0, scale: transform.scale };
+        let parent = child.and_then(|child| parents.get(child.parent()).ok());
+        let shown = parent.map_or(shown, |parent| GlobalTransform::from(shown).reparented_to(parent));
+        (transform.translation, transform.rotation) = (shown.translation, shown.rotation);
+        if is_asleep {
+            commands.queue(WakeBody(entity));
+        }
     }
 }

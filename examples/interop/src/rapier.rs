@@ -23,10 +23,13 @@ use bevy::{
     ecs::{intern::Interned, schedule::ScheduleLabel},
     prelude::*,
 };
-use bevy_circumsphere::{prelude::*, response::SurfaceReaction};
+use bevy_circumsphere::{
+    prelude::*,
+    response::{RigidMass, RigidPart, RigidPush},
+};
 use bevy_rapier3d::prelude::*;
 
-/// Gives each of rapier's colliders a [`RigidShape`], and hands what surfaces do to it to its body.
+/// Gives each of rapier's colliders a [`RigidShape`], and lets surfaces push dynamic bodies.
 ///
 /// - A collider that is a sensor or disabled, or whose body is disabled, has no shape. To hide one from surfaces only,
 ///   insert [`SurfaceDisabled`].
@@ -54,8 +57,8 @@ impl Default for RapierSurfacesPlugin {
 
 impl Plugin for RapierSurfacesPlugin {
     fn build(&self, app: &mut App) {
-        // First rapier moves its bodies, then surfaces are pushed out of their way, and what pushed them is slowed down
-        // before it moves again. The other way round, surfaces would be a tick behind the bodies, and drawn inside them.
+        // First rapier moves its bodies, then surfaces and bodies push each other. The other way round, surfaces would be a
+        // tick behind the bodies, and drawn inside them.
         app.configure_sets(
             self.schedule,
             (
@@ -65,7 +68,10 @@ impl Plugin for RapierSurfacesPlugin {
         );
         app.add_systems(
             self.schedule,
-            (follow_colliders.in_set(RapierSurfacesSystems::Follow), push_bodies.in_set(RapierSurfacesSystems::Push)),
+            (
+                (follow_colliders, weigh_bodies).in_set(RapierSurfacesSystems::Follow),
+                push_bodies.in_set(RapierSurfacesSystems::Push),
+            ),
         );
     }
 }
@@ -75,7 +81,7 @@ impl Plugin for RapierSurfacesPlugin {
 pub enum RapierSurfacesSystems {
     /// Shapes follow their colliders, after the engine has moved them, and before surfaces are gathered.
     Follow,
-    /// Reactions are applied to bodies, after surfaces have been moved.
+    /// Bodies are moved by what surfaces did to them, after the surfaces have been moved.
     Push,
 }
 
@@ -96,20 +102,19 @@ fn follow_colliders(
         Option<Ref<CollisionGroups>>,
         Option<&RigidShape>,
         Has<FollowsCollider>,
-        Has<SurfaceReaction>,
+        Option<&RigidPart>,
         Has<Sensor>,
         Has<ColliderDisabled>,
     )>,
     parents: Query<&ChildOf>,
-    bodies: Query<(&RigidBody, Has<RigidBodyDisabled>)>,
+    bodies: Query<Has<RigidBodyDisabled>, With<RigidBody>>,
     orphans: Query<Entity, (With<FollowsCollider>, Without<Collider>)>,
 ) {
-    for (entity, collider, groups, shape, follows, reacts, is_sensor, is_disabled) in &colliders {
+    for (entity, collider, groups, shape, follows, part, is_sensor, is_disabled) in &colliders {
         let body = body_of(entity, &parents, |entity| bodies.contains(entity));
-        let body = body.and_then(|body| bodies.get(body).ok());
-        if is_sensor || is_disabled || body.is_some_and(|(_, is_disabled)| is_disabled) {
+        if is_sensor || is_disabled || body.is_some_and(|body| bodies.get(body).is_ok_and(|is_disabled| is_disabled)) {
             if follows {
-                commands.entity(entity).remove::<(FollowsCollider, RigidShape, SurfaceReaction)>();
+                commands.entity(entity).remove::<(FollowsCollider, RigidShape, RigidPart)>();
             }
             continue;
         }
@@ -125,40 +130,82 @@ fn follow_colliders(
             let (memberships, filters) = (groups.memberships.bits(), groups.filters.bits());
             commands.entity(entity).insert(SurfaceLayers { memberships, filters });
         }
-        // Only where it is of use: surfaces that touch something with a reaction do not sleep.
-        match body.is_some_and(|(body, _)| *body == RigidBody::Dynamic) {
-            true if !reacts => commands.entity(entity).insert(SurfaceReaction::default()),
-            false if reacts => commands.entity(entity).remove::<SurfaceReaction>(),
-            _ => continue,
-        };
+        if let Some(body) = body
+            && part != Some(&RigidPart(body))
+        {
+            commands.entity(entity).insert(RigidPart(body));
+        }
     }
     for entity in &orphans {
-        commands.entity(entity).remove::<(FollowsCollider, RigidShape, SurfaceReaction)>();
+        commands.entity(entity).remove::<(FollowsCollider, RigidShape, RigidPart)>();
+    }
+}
+
+/// Only dynamic bodies have masses: surfaces that touch one do not sleep.
+fn weigh_bodies(
+    mut commands: Commands,
+    mut bodies: Query<(Entity, &RapierRigidBodyHandle, &RapierContextEntityLink, Option<&mut RigidMass>)>,
+    contexts: Query<&RapierRigidBodySet>,
+) {
+    for (entity, handle, context, known) in &mut bodies {
+        let body = contexts.get(context.0).ok().and_then(|set| set.bodies.get(handle.0));
+        let Some(body) = body.filter(|body| body.is_dynamic()) else {
+            if known.is_some() {
+                commands.entity(entity).remove::<(RigidMass, RigidPush)>();
+            }
+            continue;
+        };
+        let properties = body.mass_properties();
+        let inertia = properties.effective_world_inv_inertia;
+        let mass = RigidMass {
+            inverse_mass: properties.effective_inv_mass,
+            inverse_inertia: Mat3::from_cols(
+                Vec3::new(inertia.m11, inertia.m12, inertia.m13),
+                Vec3::new(inertia.m12, inertia.m22, inertia.m23),
+                Vec3::new(inertia.m13, inertia.m23, inertia.m33),
+            ),
+            center_of_mass: properties.world_com,
+        };
+        if let Some(mut known) = known {
+            known.set_if_neq(mass);
+        } else {
+            commands.entity(entity).insert(mass);
+        }
     }
 }
 
 fn push_bodies(
-    colliders: Query<(Entity, &SurfaceReaction), With<FollowsCollider>>,
-    mut bodies: Query<(&RapierRigidBodyHandle, &RapierContextEntityLink, Option<&mut Velocity>)>,
+    mut bodies: Query<(
+        &RigidPush,
+        &RapierRigidBodyHandle,
+        &RapierContextEntityLink,
+        &mut Transform,
+        Option<&mut Velocity>,
+        Option<&ChildOf>,
+    )>,
     mut contexts: Query<&mut RapierRigidBodySet>,
-    parents: Query<&ChildOf>,
-    transforms: TransformHelper,
+    parents: Query<&GlobalTransform>,
 ) {
-    for (entity, reaction) in &colliders {
-        if *reaction == SurfaceReaction::default() {
+    for (push, handle, context, mut transform, velocity, child) in &mut bodies {
+        if *push == RigidPush::default() {
             continue;
         }
-        let Some(body) = body_of(entity, &parents, |entity| bodies.contains(entity)) else { continue };
-        let Ok((handle, context, velocity)) = bodies.get_mut(body) else { continue };
         let Ok(mut set) = contexts.get_mut(context.0) else { continue };
         let Some(body) = set.bodies.get_mut(handle.0) else { continue };
-        // Where the collider's entity is in the world. Its moment is about that.
-        let Ok(origin) = transforms.compute_global_transform(entity) else { continue };
-        body.apply_impulse_at_point(reaction.impulse, origin.translation(), true);
-        body.apply_torque_impulse(reaction.angular_impulse, true);
-        // Before the next step, rapier reads the component again.
+        let center = body.center_of_mass();
+        let mut pose = *body.position();
+        pose.translation = center + push.translation + push.rotation * (pose.translation - center);
+        pose.rotation = (push.rotation * pose.rotation).normalize();
+        body.set_position(pose, true);
+        body.set_linvel(body.linvel() + push.velocity, true);
+        body.set_angvel(body.angvel() + push.angular_velocity, true);
+        // Before the next step, rapier reads the components again.
         if let Some(mut velocity) = velocity {
             (velocity.linear, velocity.angular) = (body.linvel(), body.angvel());
         }
+        let shown = Transform { translation: pose.translation, rotation: pose.rotation, scale: transform.scale };
+        let parent = child.and_then(|child| parents.get(child.parent()).ok());
+        let shown = parent.map_or(shown, |parent| GlobalTransform::from(shown).reparented_to(parent));
+        (transform.translation, transform.rotation) = (shown.translation, shown.rotation);
     }
 }

@@ -5,7 +5,7 @@ use std::time::Duration;
 use bevy::{ecs::schedule::ScheduleLabel, prelude::*, time::TimeUpdateStrategy};
 use bevy_circumsphere::{
     prelude::*,
-    response::{SurfaceReaction, XpbdBody, XpbdDiagnostics, XpbdMaterial, XpbdResponsePlugin, XpbdSettings},
+    response::{RigidPush, XpbdBody, XpbdDiagnostics, XpbdMaterial, XpbdResponsePlugin, XpbdSettings},
 };
 use circumsphere_support::scenes::{Mesh, cloth, rounded_cuboid};
 
@@ -312,8 +312,8 @@ pub fn play<E: Engine>() {
     for (title, mut scene) in scenes {
         println!("{}: {title}", E::NAME);
         println!(
-            "{:>8} {:>10} {:>12} {:>22} {:>12}",
-            "seconds", "height m", "speed m/s", "impulse of a tick Ns", "contacts"
+            "{:>8} {:>10} {:>12} {:>20} {:>12}",
+            "seconds", "height m", "speed m/s", "push of a tick m/s", "contacts"
         );
         for tick in 1..=10 * RATE {
             scene.app.update();
@@ -322,12 +322,12 @@ pub fn play<E: Engine>() {
             }
             let world = scene.app.world();
             let height = world.get::<Transform>(scene.body).map_or(f32::NAN, |transform| transform.translation.y);
-            let impulse = world.get::<SurfaceReaction>(scene.body).map_or(Vec3::ZERO, |reaction| reaction.impulse);
+            let push = world.get::<RigidPush>(scene.body).map_or(Vec3::ZERO, |push| push.velocity);
             println!(
-                "{:>8} {height:>10.3} {:>12.3} {:>22.4} {:>12}",
+                "{:>8} {height:>10.3} {:>12.3} {:>20.4} {:>12}",
                 tick / RATE,
                 E::velocity(world, scene.body)[0].length(),
-                impulse.length(),
+                push.length(),
                 world.resource::<XpbdDiagnostics>().contacts
             );
         }

@@ -3,7 +3,7 @@
 use bevy::{ecs::system::RunSystemOnce, prelude::*};
 use bevy_circumsphere::{
     prelude::*,
-    response::{SurfaceReaction, XpbdBody, XpbdMaterial},
+    response::{RigidMass, XpbdBody, XpbdMaterial},
 };
 use circumsphere_interop::scenes::{Avian, Engine, Rapier, app_in};
 use circumsphere_support::scenes::cloth;
@@ -161,7 +161,7 @@ fn only_dynamic_bodies<E: Engine>() {
     for (x, entity) in [(0.0, fixed), (2.0, kinematic), (4.0, part)] {
         let world = app.world();
         assert_eq!(world.get::<Transform>(entity).expect("there").translation, Vec3::X * x, "{}", E::NAME);
-        assert!(world.get::<SurfaceReaction>(entity).is_none(), "{}: surfaces may sleep on it", E::NAME);
+        assert!(world.get::<RigidMass>(entity).is_none(), "{}: surfaces may sleep on it", E::NAME);
     }
     assert!(app.world().get::<Transform>(dynamic).expect("there").translation.y < -0.01, "{}", E::NAME);
 }

@@ -96,13 +96,17 @@ fn a_ball_is_stopped<E: Engine>(mass: f32) {
     }
     println!("{}, {mass} kg: nearest {nearest:.4} m, late speed {late:.3} m/s", E::NAME);
     assert!(nearest > 0.0, "{}: the cloth was in the ball by {nearest}", E::NAME);
-    assert!(late < 0.5, "{}: it still moves at {late}", E::NAME);
+    assert!(late < 0.2, "{}: it still moves at {late}", E::NAME);
 }
 
 #[test]
 fn a_ball_that_falls_into_a_cloth_is_stopped_by_it() {
-    a_ball_is_stopped::<Avian>(0.2);
-    a_ball_is_stopped::<Rapier>(0.5);
+    for mass in [0.01, 0.2, 3.0] {
+        a_ball_is_stopped::<Avian>(mass);
+    }
+    for mass in [0.05, 0.5, 10.0] {
+        a_ball_is_stopped::<Rapier>(mass);
+    }
 }
 
 fn a_crate_lies<E: Engine>(mass: f32) {
@@ -121,13 +125,17 @@ fn a_crate_lies<E: Engine>(mass: f32) {
     // On the mattress, which is 0.3 m high, and not beside it.
     let height = now.center.y - f64::from(CRATE);
     assert!((0.1..0.4).contains(&height), "{}: {height}", E::NAME);
-    assert!(late < 0.5, "{}: it still moves at {late}", E::NAME);
+    assert!(late < 0.1, "{}: it still moves at {late}", E::NAME);
 }
 
 #[test]
 fn a_crate_lies_on_a_soft_body() {
-    a_crate_lies::<Avian>(1.0);
-    a_crate_lies::<Rapier>(2.0);
+    for mass in [1.0, 10.0] {
+        a_crate_lies::<Avian>(mass);
+    }
+    for mass in [2.0, 5.0] {
+        a_crate_lies::<Rapier>(mass);
+    }
 }
 
 /// Momentum of the cloth and of the ball, in newton seconds.

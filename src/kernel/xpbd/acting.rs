@@ -124,12 +124,15 @@ pub(super) struct ActingBlock<const N: usize> {
     allowed: [f32; WIDTH],
     /// `1 / Σ w a²`, limited by [`MOST_LEVER`]; 0 if the contact cannot act.
     inverse: [f32; WIDTH],
+    /// The same across the normal. It differs if a rigid body gives way.
+    inverse_across: [f32; WIDTH],
     /// Largest speed of the free particles along the normal that is not bounce.
     most_opening: [f32; WIDTH],
     /// Weighted sum of the displacements of free particles at which nothing has slid in the substep.
     before: VectorRows,
     friction: [[f32; WIDTH]; 2],
     multiplier: [f32; WIDTH],
+    /// The multiplier of friction. When the substep ends, all that the contact has pushed.
     sliding: VectorRows,
     /// Duration of the substep in seconds.
     step: f32,
@@ -220,6 +223,7 @@ impl Common {
         if !is_near.any_true() {
             return None;
         }
+        let inverse = stored(is_near.select(f32x8::splat(simd, 1.0) / mobility, zeros));
         let mut block = ActingBlock {
             source,
             places: *places,
@@ -228,7 +232,8 @@ impl Common {
             offset: stored(offset),
             target: stored(target),
             allowed: stored(target - distance * TOLERANCE),
-            inverse: stored(is_near.select(f32x8::splat(simd, 1.0) / mobility, zeros)),
+            inverse,
+            inverse_across: inverse,
             most_opening: stored(normal.dot(speed).max(zeros) - normal.dot(driven.speed)),
             before: (sum - speed.scaled(f32x8::splat(simd, step))).stored(),
             friction: [stored(grip * most_held), stored(grip * least_held)],
@@ -313,7 +318,7 @@ impl<const N: usize> ActingBlock<N> {
         let normal = VectorLanes::load(simd, &self.normal);
         let slid = weighted_sum(simd, &moved, &weights) - VectorLanes::load(simd, &self.before);
         let slid = slid - normal.scaled(normal.dot(slid));
-        let wanted = held_before - slid.scaled(f32x8::from_slice(simd, &self.inverse));
+        let wanted = held_before - slid.scaled(f32x8::from_slice(simd, &self.inverse_across));
         let (holding, sliding) = (most_held * multiplier, least_held * multiplier);
         let length = wanted.dot(wanted).sqrt();
         // With `held = holding − WEAKENING (length − held)`.
@@ -340,6 +345,7 @@ impl<const N: usize> ActingBlock<N> {
         common.pressed = self.multiplier;
         let push =
             normal.scaled(f32x8::from_slice(simd, &self.multiplier)).plus(VectorLanes::load(simd, &self.sliding));
+        push.store(&mut self.sliding);
         VectorLanes::load(simd, &common.pushes).plus(push).store(&mut common.pushes);
         let presses = f32x8::from_slice(simd, &self.multiplier).simd_gt(zeros);
         if !presses.any_true() {
@@ -354,9 +360,27 @@ impl<const N: usize> ActingBlock<N> {
         }
         let change = normal.scaled(change);
         self.push(rows.velocity, &speeds, &weights, change);
-        VectorLanes::load(simd, &common.pushes)
-            .plus(change.scaled(f32x8::splat(simd, self.step)))
-            .store(&mut common.pushes);
+        let change = change.scaled(f32x8::splat(simd, self.step));
+        push.plus(change).store(&mut self.sliding);
+        VectorLanes::load(simd, &common.pushes).plus(change).store(&mut common.pushes);
+    }
+
+    /// The normal of a contact, if it may act.
+    pub(super) fn normal(&self, lane: usize) -> Option<Vec3> {
+        (self.inverse[lane] > 0.0).then(|| self.normal.get(lane))
+    }
+
+    /// Adds to the sums of inverse masses of a contact, along its normal and across.
+    pub(super) fn soften(&mut self, lane: usize, [along, across]: [f32; 2]) {
+        for (inverse, by) in [(&mut self.inverse, along), (&mut self.inverse_across, across)] {
+            inverse[lane] /= 1.0 + by * inverse[lane];
+        }
+    }
+
+    /// What a contact pushes in this substep. `is_over` says whether the substep has ended.
+    pub(super) fn pushed(&self, lane: usize, is_over: bool) -> Vec3 {
+        let sliding = self.sliding.get(lane);
+        if is_over { sliding } else { sliding + self.normal.get(lane) * self.multiplier[lane] }
     }
 
     /// How far the sides are apart, less the contact distance, where the free particles are now.

@@ -6,18 +6,20 @@
 //! the static share of the normal multiplier and slides with the dynamic share (Macklin et al. 2014, "Unified Particle
 //! Physics"), without a jump in between.
 
+mod blocks;
+
 use std::ops::Range;
 
-use fearless_simd::{f32x8, prelude::*};
+use fearless_simd::prelude::*;
 use glam::DVec3;
 
+pub(super) use self::blocks::{FeatureBlock, PlaneBlock};
 use super::{
-    acting::{ActingBlock, Common, Driven, Evaluation, Free, SHALLOW, gather_all, load_all, weighted_sum, zero},
-    coloring::{Block, Coloring, NONE, in_order, lanes_of},
-    features::{FeatureKind, Meeting, edge_edge, vertex_face},
-    rows::{MovingRows, NOBODY, Places, row_of, set_lane},
+    acting::{ActingBlock, Common, Evaluation},
+    coloring::{Block, Coloring, NONE, in_order},
+    rows::MovingRows,
 };
-use crate::kernel::simd::lanes::{VectorLanes, VectorRows, WIDTH};
+use crate::kernel::simd::lanes::WIDTH;
 
 /// A contact that the solver watches.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -84,6 +86,9 @@ pub(super) trait ContactBlock<const N: usize>: Sized {
 
     fn common(&mut self) -> &mut Common;
 
+    /// The numbers of those contacts that ask for their impulses.
+    fn reactions(&self) -> &[u32; WIDTH];
+
     /// Evaluates the contacts where their particles are, when `share` of the tick has passed.
     fn begin<S: Simd>(&mut self, simd: S, rows: MovingRows<'_>, share: f32);
 
@@ -133,6 +138,14 @@ pub(super) trait ContactList {
     /// The number of contacts that may act in this substep, and of those that press.
     fn counts(&self) -> [usize; 2];
 
+    /// Calls `visit` with the number and the normal of every contact that may act and asks for its impulse. Adds what that
+    /// returns, if anything, to the contact's sums of inverse masses, along the normal and across.
+    fn soften(&mut self, visit: &mut dyn FnMut(u32, DVec3) -> Option<[f64; 2]>);
+
+    /// Calls `add` with the number of every contact that asks for its impulse, and with what it pushes in this substep.
+    /// `is_over` says whether the substep has ended.
+    fn pushes(&self, is_over: bool, add: &mut dyn FnMut(u32, DVec3));
+
     /// Calls `add` with the number of every contact that asks for its impulse, and with the sum of its multipliers.
     fn reactions(&mut self, add: &mut dyn FnMut(u32, DVec3));
 }
@@ -146,6 +159,8 @@ pub(super) struct ContactBlocks<B, const N: usize> {
     acting: Vec<ActingBlock<N>>,
     /// The end of each batch among the acting blocks.
     acting_batches: Vec<usize>,
+    /// Those acting blocks in which a contact asks for its impulse.
+    asking: Vec<u32>,
     numbers: Vec<Block>,
 }
 
@@ -156,6 +171,7 @@ impl<B, const N: usize> Default for ContactBlocks<B, N> {
             batches: Vec::new(),
             acting: Vec::new(),
             acting_batches: Vec::new(),
+            asking: Vec::new(),
             numbers: Vec::new(),
         }
     }
@@ -199,22 +215,27 @@ impl<B: ContactBlock<N>, const N: usize> ContactBlocks<B, N> {
 
 impl<B: ContactBlock<N>, const N: usize> ContactList for ContactBlocks<B, N> {
     fn clear(&mut self) {
-        let Self { blocks, batches, acting, acting_batches, .. } = self;
+        let Self { blocks, batches, acting, acting_batches, asking, .. } = self;
         acting.clear();
         acting_batches.clear();
+        asking.clear();
         blocks.clear();
         batches.clear();
     }
 
     fn begin_step(&mut self, rows: MovingRows<'_>, evaluation: Evaluation) {
-        let Self { blocks, batches, acting, acting_batches, .. } = self;
+        let Self { blocks, batches, acting, acting_batches, asking, .. } = self;
         acting.clear();
         acting_batches.clear();
+        asking.clear();
         dispatch!(simd => {
             let mut first = 0;
             for &end in &*batches {
                 for source in first..end {
                     if let Some(found) = blocks[source].begin_step(simd, source as u32, rows, evaluation) {
+                        if blocks[source].reactions() != &[NONE; WIDTH] {
+                            asking.push(acting.len() as u32);
+                        }
                         acting.push(found);
                     }
                 }
@@ -276,6 +297,31 @@ impl<B: ContactBlock<N>, const N: usize> ContactList for ContactBlocks<B, N> {
         })
     }
 
+    fn soften(&mut self, visit: &mut dyn FnMut(u32, DVec3) -> Option<[f64; 2]>) {
+        let Self { blocks, acting, asking, .. } = self;
+        for &place in &*asking {
+            let block = &mut acting[place as usize];
+            let numbers = blocks[block.source as usize].reactions();
+            for lane in (0..WIDTH).filter(|&lane| numbers[lane] != NONE) {
+                if let Some(normal) = block.normal(lane)
+                    && let Some(by) = visit(numbers[lane], normal.as_dvec3())
+                {
+                    block.soften(lane, by.map(|by| by as f32));
+                }
+            }
+        }
+    }
+
+    fn pushes(&self, is_over: bool, add: &mut dyn FnMut(u32, DVec3)) {
+        for &place in &self.asking {
+            let block = &self.acting[place as usize];
+            let numbers = self.blocks[block.source as usize].reactions();
+            for lane in (0..WIDTH).filter(|&lane| numbers[lane] != NONE) {
+                add(numbers[lane], block.pushed(lane, is_over).as_dvec3());
+            }
+        }
+    }
+
     fn reactions(&mut self, add: &mut dyn FnMut(u32, DVec3)) {
         for block in &mut self.blocks {
             let common = block.common();
@@ -283,199 +329,5 @@ impl<B: ContactBlock<N>, const N: usize> ContactList for ContactBlocks<B, N> {
                 add(number, common.pushes.get(lane).as_dvec3());
             }
         }
-    }
-}
-
-/// Eight contacts between two edges, or between a vertex and a face. Constraints move `N` of their particles: the vertex,
-/// the face, the first edge, or any of all four.
-#[derive(Debug)]
-pub(super) struct FeatureBlock<const ARE_EDGES: bool, const N: usize> {
-    places: [Places; 4],
-    /// From one particle to each of the others, at the beginning of the tick.
-    start: [VectorRows; 3],
-    common: Common,
-}
-
-impl<const ARE_EDGES: bool, const N: usize> FeatureBlock<ARE_EDGES, N> {
-    const KIND: FeatureKind = if ARE_EDGES { FeatureKind::EdgeEdge } else { FeatureKind::VertexFace };
-
-    /// The first particle that constraints move. The others follow.
-    const FIRST: usize = if N == 3 { 1 } else { 0 };
-
-    /// The features at displacements of their particles.
-    #[cfg_attr(not(unoptimized), inline(always))]
-    fn meet<S: Simd>(&self, simd: S, moved: &[VectorLanes<S>; 4]) -> Meeting<S> {
-        let mut positions = [zero(simd); 3];
-        let others = Self::KIND.others();
-        for place in 0..3 {
-            let relative = moved[others[place]] - moved[Self::KIND.base()];
-            positions[place] = VectorLanes::load(simd, &self.start[place]).plus(relative);
-        }
-        let before = VectorLanes::load(simd, &self.common.normal);
-        match Self::KIND {
-            FeatureKind::VertexFace => vertex_face(simd, positions, before),
-            FeatureKind::EdgeEdge => edge_edge(simd, positions, before),
-        }
-    }
-
-    /// The separation at the beginning of the tick for the weights and the normal of a meeting.
-    #[cfg_attr(not(unoptimized), inline(always))]
-    fn offset<S: Simd>(&self, simd: S, meeting: &Meeting<S>) -> f32x8<S> {
-        let mut sum = zero(simd);
-        let others = Self::KIND.others();
-        for place in 0..3 {
-            sum = sum.plus(VectorLanes::load(simd, &self.start[place]).scaled(meeting.weights[others[place]]));
-        }
-        meeting.normal.dot(sum) - f32x8::from_slice(simd, &self.common.distance)
-    }
-
-    /// Those that constraints move.
-    #[cfg_attr(not(unoptimized), inline(always))]
-    fn free<T: Copy>(all: &[T; 4]) -> [T; N] {
-        std::array::from_fn(|place| all[Self::FIRST + place])
-    }
-}
-
-impl<const ARE_EDGES: bool, const N: usize> ContactBlock<N> for FeatureBlock<ARE_EDGES, N> {
-    type Parts = FeatureParticles;
-
-    fn particles(parts: &FeatureParticles) -> [u32; N] {
-        Self::free(parts)
-    }
-
-    fn new(numbers: &Block, contacts: &[Contact<FeatureParticles>], start: &[DVec3]) -> Self {
-        let mut block = Self { places: [[NOBODY; WIDTH]; 4], start: [VectorRows::ZERO; 3], common: Common::EMPTY };
-        for (lane, number) in lanes_of(numbers) {
-            let contact = &contacts[number];
-            let particles = contact.parts.map(|particle| particle as usize);
-            for (places, particle) in block.places.iter_mut().zip(particles) {
-                places[lane] = row_of(particle);
-            }
-            let base = start[particles[Self::KIND.base()]];
-            for (rows, other) in block.start.iter_mut().zip(Self::KIND.others()) {
-                set_lane(rows, lane, start[particles[other]] - base);
-            }
-            block.common.set(lane, contact);
-        }
-        block
-    }
-
-    fn common(&mut self) -> &mut Common {
-        &mut self.common
-    }
-
-    #[cfg_attr(not(unoptimized), inline(always))]
-    fn begin<S: Simd>(&mut self, simd: S, rows: MovingRows<'_>, _: f32) {
-        let moved = gather_all(simd, rows.displacement, &self.places);
-        let vectors = [moved[0].vector, moved[1].vector, moved[2].vector, moved[3].vector];
-        let meeting = self.meet(simd, &vectors);
-        let way = weighted_sum(simd, &moved, &meeting.weights);
-        (self.offset(simd, &meeting) + meeting.normal.dot(way)).store_slice(&mut self.common.left);
-        meeting.normal.store(&mut self.common.normal);
-    }
-
-    #[cfg_attr(not(unoptimized), inline(always))]
-    fn begin_step<S: Simd>(
-        &mut self,
-        simd: S,
-        source: u32,
-        rows: MovingRows<'_>,
-        evaluation: Evaluation,
-    ) -> Option<ActingBlock<N>> {
-        let moved = gather_all(simd, rows.displacement, &self.places);
-        let speeds = gather_all(simd, rows.velocity, &self.places);
-        let vectors = [moved[0].vector, moved[1].vector, moved[2].vector, moved[3].vector];
-        let meeting = self.meet(simd, &vectors);
-        let offset = self.offset(simd, &meeting);
-        meeting.normal.store(&mut self.common.normal);
-        let Meeting { weights, normal } = meeting;
-        let zeros = f32x8::splat(simd, 0.0);
-        let mut driven = Driven { moved: zero(simd), speed: zero(simd), fastest: zeros };
-        for place in 0..4 {
-            if (Self::FIRST..Self::FIRST + N).contains(&place) {
-                continue;
-            }
-            let speed = speeds[place].vector;
-            driven.moved = driven.moved.plus(moved[place].vector.scaled(weights[place]));
-            driven.speed = driven.speed.plus(speed.scaled(weights[place]));
-            let squared = weights[place].simd_eq(zeros).select(zeros, speed.dot(speed));
-            driven.fastest = driven.fastest.max(squared);
-        }
-        let free = Free { moved: Self::free(&moved), speeds: Self::free(&speeds), weights: Self::free(&weights) };
-        let places = Self::free(&self.places);
-        self.common.act(simd, (source, &places), &free, &driven, (normal, offset, SHALLOW), evaluation)
-    }
-}
-
-/// Eight contacts with fixed planes.
-#[derive(Debug)]
-pub(super) struct PlaneBlock<const N: usize> {
-    places: [Places; N],
-    weights: [[f32; WIDTH]; N],
-    drive: VectorRows,
-    offset: [f32; WIDTH],
-    common: Common,
-}
-
-impl<const N: usize> ContactBlock<N> for PlaneBlock<N> {
-    type Parts = Plane<N>;
-
-    fn particles(parts: &Plane<N>) -> [u32; N] {
-        parts.particles
-    }
-
-    fn new(numbers: &Block, contacts: &[Contact<Plane<N>>], _: &[DVec3]) -> Self {
-        let mut block = Self {
-            places: [[NOBODY; WIDTH]; N],
-            weights: [[0.0; WIDTH]; N],
-            drive: VectorRows::ZERO,
-            offset: [0.0; WIDTH],
-            common: Common::EMPTY,
-        };
-        for (lane, number) in lanes_of(numbers) {
-            let contact = &contacts[number];
-            for place in (0..N).filter(|&place| contact.parts.particles[place] != NONE) {
-                block.places[place][lane] = row_of(contact.parts.particles[place] as usize);
-                block.weights[place][lane] = contact.parts.weights[place] as f32;
-            }
-            set_lane(&mut block.drive, lane, contact.parts.drive);
-            block.common.set(lane, contact);
-            block.offset[lane] = contact.parts.separation as f32;
-        }
-        block
-    }
-
-    fn common(&mut self) -> &mut Common {
-        &mut self.common
-    }
-
-    #[cfg_attr(not(unoptimized), inline(always))]
-    fn begin<S: Simd>(&mut self, simd: S, rows: MovingRows<'_>, share: f32) {
-        let moved = gather_all(simd, rows.displacement, &self.places);
-        let way = weighted_sum(simd, &moved, &load_all(simd, &self.weights));
-        let way = way.plus(VectorLanes::load(simd, &self.drive).scaled(f32x8::splat(simd, share)));
-        let along = VectorLanes::load(simd, &self.common.normal).dot(way);
-        (f32x8::from_slice(simd, &self.offset) + along).store_slice(&mut self.common.left);
-    }
-
-    #[cfg_attr(not(unoptimized), inline(always))]
-    fn begin_step<S: Simd>(
-        &mut self,
-        simd: S,
-        source: u32,
-        rows: MovingRows<'_>,
-        evaluation: Evaluation,
-    ) -> Option<ActingBlock<N>> {
-        let moved = gather_all(simd, rows.displacement, &self.places);
-        let speeds = gather_all(simd, rows.velocity, &self.places);
-        let weights = load_all(simd, &self.weights);
-        let normal = VectorLanes::load(simd, &self.common.normal);
-        let offset = f32x8::from_slice(simd, &self.offset);
-        let drive = VectorLanes::load(simd, &self.drive);
-        let speed = drive.scaled(f32x8::splat(simd, evaluation.rate));
-        let driven =
-            Driven { moved: drive.scaled(f32x8::splat(simd, evaluation.share)), speed, fastest: speed.dot(speed) };
-        let free = Free { moved, speeds, weights };
-        self.common.act(simd, (source, &self.places), &free, &driven, (normal, offset, f32::INFINITY), evaluation)
     }
 }

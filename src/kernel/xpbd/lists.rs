@@ -220,6 +220,18 @@ impl Contacts {
         self.lists().into_iter().for_each(|list| list.end_step(rows));
     }
 
+    /// Calls `visit` with the number and the normal of every contact that may act and asks for its impulse. Adds what that
+    /// returns, if anything, to the contact's sums of inverse masses, along the normal and across.
+    pub fn soften(&mut self, mut visit: impl FnMut(u32, DVec3) -> Option<[f64; 2]>) {
+        self.lists().into_iter().for_each(|list| list.soften(&mut visit));
+    }
+
+    /// Calls `add` with the number of every contact that asks for its impulse, and with what it pushes in this substep on its
+    /// first side, times the duration of the substep. `is_over` says whether the substep has ended.
+    pub fn pushes(&mut self, is_over: bool, mut add: impl FnMut(u32, DVec3)) {
+        self.lists().into_iter().for_each(|list| list.pushes(is_over, &mut add));
+    }
+
     /// Calls `add` with the number of every contact that asks for its impulse, and with the sum of its multipliers in all
     /// substeps: the impulse on its first side, times the duration of a substep.
     pub fn reactions(&mut self, mut add: impl FnMut(u32, DVec3)) {

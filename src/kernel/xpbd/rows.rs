@@ -77,6 +77,12 @@ impl<'a> SharedRows<'a> {
         vector.store_slice(&mut row.0);
         self.0[place as usize].set(row);
     }
+
+    fn replace(self, place: u32, vector: Vec3) {
+        let mut row = self.row(place);
+        row.set(vector);
+        self.0[place as usize].set(row);
+    }
 }
 
 impl Rows for SharedRows<'_> {
@@ -164,6 +170,19 @@ pub struct MovingRows<'a> {
     pub(super) displacement: SharedRows<'a>,
     pub(super) previous: &'a [Row],
     pub(super) velocity: SharedRows<'a>,
+}
+
+impl MovingRows<'_> {
+    /// Moves a kinematic particle.
+    pub(super) fn place(self, row: u32, displacement: Vec3) {
+        self.displacement.replace(row, displacement);
+    }
+
+    /// Sets the velocity of a kinematic particle from how far it has moved in a substep of `step` seconds.
+    pub(super) fn set_speed(self, row: u32, step: f32) {
+        let moved = self.displacement.row(row).vector() - self.previous.row(row).vector();
+        self.velocity.replace(row, moved / step);
+    }
 }
 
 impl ParticleRows {

@@ -248,12 +248,13 @@ fn ways(
                 })
             }
             Side::Driven { entity, topology } => driven(scene.motions.course(entity).map_or(DVec3::ZERO, |course| {
-                let way = |corner: usize| course.ahead.point(corner) - course.now.point(corner);
+                let end = |corner: usize| course.end().transform_point(course.ahead.positions[corner].as_dvec3());
+                let way = |corner: usize| end(corner) - course.now.point(corner);
                 corners(topology).fold(DVec3::ZERO, |sum, (corner, weight)| sum + way(corner as usize) * weight)
             })),
             Side::Shape { entity } => driven(scene.motions.course(entity).map_or(DVec3::ZERO, |course| {
                 let point = pair.frame_pose.transform_point(record.point_b.as_dvec3());
-                course.ahead.pose.transform_point(course.now.pose.inverse().transform_point(point)) - point
+                course.end().transform_point(course.now.pose.inverse().transform_point(point)) - point
             })),
         }
     };

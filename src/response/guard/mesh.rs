@@ -5,6 +5,7 @@ use std::sync::Arc;
 use bevy_ecs::{change_detection::Tick, prelude::*};
 use glam::{DMat3, DVec3, Vec3};
 
+use super::ways::turn_between;
 use crate::{
     kernel::{
         ccd::{SweepTree, SweptMesh, drift},
@@ -58,6 +59,15 @@ impl Obstacle {
         self.move_on([positions; 2], [pose; 2]);
         self.at_rest = Some((changed, *pose));
         true
+    }
+
+    /// Updates the end of a rigid object from the poses at both ends.
+    pub(super) fn end_at(&mut self, poses: [&Pose; 2]) {
+        let [start, end] = poses;
+        let own = start.inverse();
+        self.end.clear();
+        self.end.extend(self.start.iter().map(|&point| end.transform_point(own.transform_point(point))));
+        self.turn = self.turn.and_then(|_| turn_between(poses));
     }
 
     /// Updates a moving object.

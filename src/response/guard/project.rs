@@ -6,12 +6,20 @@
 //! Motion along the planes is free, so squeezed vertices give way to the side.
 
 use arrayvec::ArrayVec;
+use bevy_ecs::prelude::*;
 use glam::DVec3;
 
 use super::mesh::{Mesh, MeshPair};
 use crate::{
-    kernel::{ccd::PairImpact, xpbd::MOST_LEVER},
-    response::particles::Particles,
+    kernel::{
+        ccd::PairImpact,
+        xpbd::{MOST_LEVER, RigidBodies},
+    },
+    response::{
+        gather::Gatherer,
+        particles::{NO_BODY, Particles},
+        reaction::Reactions,
+    },
 };
 
 /// Largest number of sweeps over all planes.
@@ -36,8 +44,55 @@ struct Plane {
     driven_speed: f64,
     /// What [`mobility`] gives for its particles.
     mobility: f64,
+    /// What it strikes that answers.
+    struck: Option<Struck>,
     tolerance: f64,
     multiplier: f64,
+}
+
+/// Where an impact strikes something that has a mass, or that wants its reaction.
+#[derive(Clone, Copy)]
+struct Struck {
+    entity: Entity,
+    point: DVec3,
+    /// 1 if the normal points to it, and −1 if it points away.
+    sign: f64,
+    /// Its rigid body, if it has a mass, and the arm of the point.
+    body: Option<(u32, DVec3)>,
+}
+
+/// Which objects that the solver does not move answer to impacts.
+pub(super) struct Answers<'a> {
+    pub(super) wants_reaction: &'a dyn Fn(Entity) -> bool,
+    pub(super) gatherer: &'a Gatherer,
+    pub(super) bodies: &'a RigidBodies,
+}
+
+impl Answers<'_> {
+    /// What an impact strikes at a point, if that answers.
+    fn at(&self, entity: Entity, point: DVec3, sign: f64) -> Option<Struck> {
+        let body = self.gatherer.rigid_body(entity);
+        let body = (body != NO_BODY).then(|| (body, self.bodies.arm_of(body, point)));
+        (body.is_some() || (self.wants_reaction)(entity)).then_some(Struck { entity, point, sign, body })
+    }
+}
+
+impl Struck {
+    /// Velocity of the body's deviation along a normal.
+    fn speed(&self, bodies: &RigidBodies, normal: DVec3) -> f64 {
+        self.body.map_or(0.0, |(body, arm)| self.sign * normal.dot(bodies.speed_at(body, arm)))
+    }
+
+    /// How fast a unit impulse makes it.
+    fn mobility(&self, bodies: &RigidBodies, normal: DVec3) -> f64 {
+        self.body.map_or(0.0, |(body, arm)| bodies.mobility(body, arm, normal))
+    }
+
+    fn strike(&self, bodies: &mut RigidBodies, impulse: DVec3) {
+        if let Some((body, arm)) = self.body {
+            bodies.strike(body, arm, impulse * self.sign);
+        }
+    }
 }
 
 /// `Σ weight² / mass`, and at least what [`MOST_LEVER`] asks for.
@@ -87,18 +142,24 @@ impl Planes {
         particles: &Particles,
         solved: &[DVec3],
         meshes: &[Mesh],
-        pair: &MeshPair,
-        found: &PairImpact,
+        (pair, found): &(MeshPair, PairImpact),
+        answers: &Answers<'_>,
         duration: f64,
     ) {
         let impact = &found.impact;
         let normal = -impact.normal;
         let mut entries: ArrayVec<(u32, f64), 6> = ArrayVec::new();
         let (mut ahead, mut moved, mut fastest) = (DVec3::ZERO, DVec3::ZERO, 0.0_f64);
+        let mut struck = None;
         let sides = [(found.triangle_a, impact.barycentric_a, 1.0), (found.triangle_b, impact.barycentric_b, -1.0)];
         for (place, (triangle, barycentric, sign)) in pair.places.into_iter().zip(sides) {
             let mesh = &meshes[place];
             let (swept, corners) = (mesh.swept(particles), mesh.topology.welded_triangles()[triangle as usize]);
+            let body = answers.gatherer.rigid_body(mesh.name.entity);
+            if mesh.first.is_none() {
+                let ends = corners.iter().zip(barycentric).map(|(&corner, weight)| swept.end[corner as usize] * weight);
+                struck = answers.at(mesh.name.entity, ends.sum(), sign).or(struck);
+            }
             for (corner, weight) in corners.into_iter().zip(barycentric).filter(|&(_, weight)| weight != 0.0) {
                 let weight = sign * weight;
                 let corner = corner as usize;
@@ -109,7 +170,8 @@ impl Planes {
                 }
                 let (start, end) = (swept.start[corner], swept.end[corner]);
                 ahead += end * weight;
-                moved += (end - start) * weight;
+                let on_path = if body == NO_BODY { end } else { answers.bodies.on_path(body, end) };
+                moved += (on_path - start) * weight;
                 fastest = fastest.max(start.distance(end));
             }
         }
@@ -129,6 +191,7 @@ impl Planes {
                 least_velocity: -normal.dot(moved) / duration,
                 driven_speed: fastest / duration,
                 mobility,
+                struck,
                 tolerance: GOOD * kept,
                 multiplier: 0.0,
             });
@@ -164,10 +227,16 @@ impl Planes {
         }
     }
 
-    /// Removes the velocity with which particles would continue through the planes that have pushed them. No particle
+    /// Removes the velocity with which particles would continue through the planes that have pushed them, and gives it to what
+    /// they belong to, if that has a mass or wants its reaction. No particle
     /// ends up faster than the fastest one in any impact. Otherwise a closing wedge would squeeze vertices out at any
     /// speed.
-    pub(super) fn settle_velocities(&self, particles: &mut Particles) {
+    pub(super) fn settle_velocities(
+        &self,
+        particles: &mut Particles,
+        bodies: &mut RigidBodies,
+        reactions: &mut Reactions,
+    ) {
         let Particles { velocity, inverse_mass, .. } = particles;
         let pressing: Vec<&Plane> = self.all.iter().filter(|plane| plane.multiplier > 0.0).collect();
         let speeds = |plane: &&Plane| {
@@ -175,20 +244,32 @@ impl Planes {
             own.fold(plane.driven_speed, f64::max)
         };
         let fastest = pressing.iter().map(speeds).fold(0.0, f64::max);
-        let missing = |plane: &Plane, velocity: &[DVec3]| plane.least_velocity - plane.sum(velocity);
-        let most = pressing.iter().map(|plane| missing(plane, velocity)).fold(0.0, f64::max);
+        let missing = |plane: &Plane, velocity: &[DVec3], bodies: &RigidBodies| {
+            let of_body = plane.struck.map_or(0.0, |struck| struck.speed(bodies, plane.normal));
+            plane.least_velocity - plane.sum(velocity) - of_body
+        };
+        let most = pressing.iter().map(|plane| missing(plane, velocity, bodies)).fold(0.0, f64::max);
         let mut multipliers = vec![0.0; pressing.len()];
         for _ in 0..MOST_SWEEPS {
             let mut is_good = true;
             for (plane, multiplier) in pressing.iter().zip(&mut multipliers) {
-                let missing = missing(plane, velocity);
+                let missing = missing(plane, velocity, bodies);
                 let before = *multiplier;
-                *multiplier = (before + missing / plane.mobility).max(0.0);
+                let of_body = plane.struck.map_or(0.0, |struck| struck.mobility(bodies, plane.normal));
+                *multiplier = (before + missing / (plane.mobility + of_body)).max(0.0);
                 is_good &= missing <= GOOD_SPEED * most;
                 plane.push(velocity, inverse_mass, *multiplier - before);
+                if let Some(struck) = plane.struck {
+                    struck.strike(bodies, plane.normal * (*multiplier - before));
+                }
             }
             if is_good {
                 break;
+            }
+        }
+        for (plane, multiplier) in pressing.iter().zip(multipliers) {
+            if let Some(Struck { entity, point, sign, .. }) = plane.struck {
+                reactions.add_at(entity, point, plane.normal * (sign * multiplier));
             }
         }
         for &(particle, _) in pressing.iter().flat_map(|plane| &plane.entries) {
@@ -221,6 +302,7 @@ mod tests {
             least_velocity: least,
             driven_speed: least.abs(),
             mobility: mobility(particles, entries),
+            struck: None,
             tolerance: 1.0e-12,
             multiplier: 0.0,
         }
@@ -235,7 +317,7 @@ mod tests {
         let mut changed = vec![false; particles.len()];
         let before = particles.position.clone();
         planes.project(&mut particles, &mut changed);
-        planes.settle_velocities(&mut particles);
+        planes.settle_velocities(&mut particles, &mut RigidBodies::default(), &mut Reactions::default());
         for (place, is_changed) in changed.into_iter().enumerate() {
             assert!(is_changed || particles.position[place] == before[place], "{place}");
         }

@@ -76,14 +76,30 @@ pub(in crate::response) struct Course {
     pub(super) topology: Option<Arc<SurfaceTopology>>,
     /// State at the beginning of the current part.
     pub(in crate::response) now: Stand,
-    /// State at the end of the current part.
+    /// State at the end of the current part, if no contact pushes it.
     pub(in crate::response) ahead: Stand,
+    /// Its pose at the end of the current part, as far as solved, if it belongs to a rigid body that contacts push.
+    pub(in crate::response) pushed: Option<Pose>,
 }
 
 impl Course {
     pub(super) fn new(from: Stand, to: Stand, is_of_pins: bool) -> Self {
         let deforms = from.positions != to.positions;
-        Self { from, to, deforms, is_of_pins, topology: None, now: Stand::default(), ahead: Stand::default() }
+        Self {
+            from,
+            to,
+            deforms,
+            is_of_pins,
+            topology: None,
+            now: Stand::default(),
+            ahead: Stand::default(),
+            pushed: None,
+        }
+    }
+
+    /// Its pose at the end of the current part, as far as solved.
+    pub(in crate::response) fn end(&self) -> &Pose {
+        self.pushed.as_ref().unwrap_or(&self.ahead.pose)
     }
 
     /// The state at which detection sees it, or, after detection, at which the game sees it.
