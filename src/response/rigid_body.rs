@@ -41,7 +41,7 @@ impl RigidMass {
 pub struct RigidPart(#[entities] pub Entity);
 
 /// What surfaces did to a rigid body with a [`RigidMass`] in the last tick, in the world. Written in every tick. Move the body
-/// by it before it moves on: surfaces lie where the body is then.
+/// by it once, in the schedule of the response and before the body moves on: surfaces lie where the body is then.
 #[derive(Component, Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "reflect", derive(Reflect), reflect(Component, Clone, Debug, Default, PartialEq))]
 pub struct RigidPush {
