@@ -6,14 +6,14 @@ use bevy_app::prelude::*;
 use bevy_circumsphere::{
     CollisionHistory, ContactStore, RollbackPlugin, SurfaceOrder,
     prelude::*,
-    response::{XpbdBody, XpbdDiagnostics, XpbdMaterial, XpbdResponsePlugin, XpbdSettings},
+    response::{RigidMass, RigidPush, XpbdBody, XpbdDiagnostics, XpbdMaterial, XpbdResponsePlugin, XpbdSettings},
 };
 use bevy_ecs::prelude::*;
 use bevy_math::ops::sin;
 use bevy_time::Time;
 use bevy_transform::components::Transform;
 use circumsphere_support::scenes::{Diagonals, Mesh, grid, icosphere};
-use glam::{Quat, Vec3};
+use glam::{Mat3, Quat, Vec3};
 
 /// Ticks of the whole game.
 pub const TICKS: usize = 150;
@@ -125,6 +125,13 @@ impl Game {
         game.entities.push(game.app.world_mut().spawn(block).id());
         let inside = icosphere(1, 0.25).translate([-9.4, 0.2, 0.1]);
         game.body(&inside, XpbdMaterial::SOFT, (thin, SweptCollision, SurfaceOrder(8)));
+        // A rigid ball that the cloth pushes. The game brings it back, so its way begins where only history knows.
+        let place = Vec3::new(0.15, 0.35, 0.1);
+        let inverse_inertia = Mat3::from_diagonal(Vec3::splat(1.0e3));
+        let mass = RigidMass { inverse_mass: Vec3::splat(10.0), inverse_inertia, center_of_mass: place };
+        let pushed =
+            (RigidShape(SharedShape::ball(0.15)), mass, Driven::Pose(place), Transform::from_translation(place));
+        game.entities.push(game.app.world_mut().spawn(pushed).id());
         assert_eq!(game.entities[0], cloth);
         game
     }
@@ -209,6 +216,9 @@ impl Game {
         for &entity in &self.entities {
             let body = world.get::<XpbdBody>(entity).map(|body| &body.velocities);
             let _ = write!(text, "{:?} {body:?} ", world.get::<SurfacePositions>(entity));
+            if let Some(push) = world.get::<RigidPush>(entity).filter(|push| **push != RigidPush::default()) {
+                let _ = write!(text, "pushed {push:?} ");
+            }
         }
         text
     }

@@ -18,6 +18,7 @@ fn the_scene_has_what_history_decides() {
     assert!(told("distance: -0.0") > 5, "sheets have passed through each other");
     assert!(told("Impact {") > 5, "sweeps find impacts");
     assert!(told("SurfaceQuarantined") > 5, "a surface is quarantined");
+    assert!(told("pushed") > 10, "a cloth pushes a rigid body in {} ticks", told("pushed"));
     let asleep = |tick: usize| all[tick].contains("asleep 1 ");
     assert!(!asleep(10) && asleep(90) && asleep(99) && !asleep(100), "the rag falls asleep, and is woken");
 }
