@@ -258,8 +258,7 @@ impl SolverContacts {
         self.lists_mut().for_each(|list| list.colored.soften(&mut visit));
     }
 
-    /// Moves rigid bodies by what contacts have pushed so far in this substep, at the end of which `share` of the tick has
-    /// passed.
+    /// Moves rigid bodies by what contacts have pushed so far in this substep. When it ends, `share` of the tick has passed.
     fn give_way(&mut self, rows: MovingRows<'_>, bodies: &mut RigidBodies, share: f32) {
         if bodies.is_any_pushed() {
             bodies.give_way(|add| self.lists_mut().for_each(|list| list.colored.pushes(false, &mut *add)));

@@ -16,10 +16,7 @@ use bevy_platform::collections::HashSet;
 use glam::{DVec3, Vec3};
 
 pub(super) use self::watch::Watch;
-use self::{
-    driven::{Driven, NONE},
-    watch::Unwatched,
-};
+use self::{driven::Driven, watch::Unwatched};
 use super::{
     anchors::Anchors,
     body::XpbdBody,
@@ -28,7 +25,7 @@ use super::{
     inside::Insides,
     meeting::{MeetingCorners, MeetingTriangles},
     motion::Motions,
-    particles::{NO_BODY, Particles},
+    particles::Particles,
     reaction::{NO_REACTION, Reactions},
     record::{completed, detected_sum, edges_of, face_of, flat, untangling, weighted},
     scene::Scene,
@@ -44,6 +41,7 @@ use crate::{
             topology::SurfaceTopology,
         },
         pose::Pose,
+        xpbd::coloring::NONE,
     },
     surface::{ActiveSurface, ContactSide},
 };
@@ -165,9 +163,14 @@ impl Gatherer {
         });
     }
 
-    /// The number of the rigid body that a shape belongs to.
-    pub(super) fn rigid_body(&self, shape: Entity) -> u32 {
-        self.rigid_bodies.get(&shape).copied().unwrap_or(NO_BODY)
+    /// The number of the rigid body that a shape belongs to, if contacts push that.
+    pub(super) fn rigid_body(&self, shape: Entity) -> Option<u32> {
+        self.rigid_bodies.get(&shape).copied()
+    }
+
+    /// Whether something that the solver does not move has a mass or wants its reaction.
+    pub(super) fn answers(&self, scene: &Scene<'_, '_>, entity: Entity) -> bool {
+        !self.bodies.contains_key(&entity) && (self.rigid_bodies.contains_key(&entity) || scene.wants_reaction(entity))
     }
 
     pub(super) fn first_particle(&self, entity: Entity) -> Option<usize> {
@@ -229,14 +232,10 @@ impl Gatherer {
         point: impl FnOnce() -> DVec3,
         solver: &mut Solver,
     ) {
-        let wants = |entity: &Entity| {
-            (scene.wants_reaction(*entity) || self.rigid_bodies.contains_key(entity))
-                && !self.bodies.contains_key(entity)
-        };
-        let Some(entity) = entities.into_iter().find(wants) else { return };
+        let Some(entity) = entities.into_iter().find(|entity| self.answers(scene, *entity)) else { return };
         let (point, is_first) = (point(), constraint.is_first_driven(&solver.particles));
         constraint.reaction = self.reactions.number(entity, point, is_first);
-        if let Some(&body) = self.rigid_bodies.get(&entity) {
+        if let Some(body) = self.rigid_body(entity) {
             solver.rigid_bodies.push_at(constraint.reaction, body, point, is_first);
         }
     }
@@ -275,11 +274,8 @@ impl Gatherer {
             MeetingCorners::Body(corners) => corners,
             MeetingCorners::Driven { starts, ends, vertices } => std::array::from_fn(|corner| {
                 let body = self.rigid_body(side.entity);
-                let end = match body {
-                    NO_BODY => ends[corner],
-                    body => solver.rigid_bodies.on_path(body, ends[corner]),
-                };
-                let ends = [starts[corner], end];
+                let on_path = |body: u32| solver.rigid_bodies.on_path(body, ends[corner]);
+                let ends = [starts[corner], body.map_or(ends[corner], on_path)];
                 if let Some((corners, count)) = vertices {
                     let vertex = corners[corner] as usize;
                     let slots = self.slots(side.entity, count);
@@ -453,7 +449,7 @@ fn against_shape(
     particles: &mut Particles,
     pair: &StoredPair,
     record: &CompactContact,
-    (corners, (shape, body), normal): ([u32; 3], (Entity, u32), DVec3),
+    (corners, (shape, body), normal): ([u32; 3], (Entity, Option<u32>), DVec3),
     friction: [f64; 2],
 ) -> ContactConstraint {
     let now = pair.poses[1];

@@ -14,7 +14,7 @@ const LEAST_MARGIN: f32 = 1.0 / 32.0;
 const MOST_MARGIN: f32 = 0.5;
 
 /// Largest margin of a swept body. The guard finds what it has missed: with the wide one a garment on a walking character
-/// takes 1.15 times as long.
+/// takes 1.25 times as long.
 const MOST_MARGIN_SWEPT: f32 = 0.25;
 
 /// The margin of a body, in root mean squares of the ways of its vertices in a tick. Some are faster than the others, and

@@ -12,7 +12,7 @@ use std::sync::Arc;
 
 use bevy_ecs::{
     change_detection::Tick,
-    entity::{EntityHashMap, EntityHashSet},
+    entity::{EntityHashMap, EntityHashSet, EntityIndexMap},
     prelude::*,
 };
 use bevy_time::Time;
@@ -58,9 +58,9 @@ pub(super) struct Motions {
     longest: f64,
     /// Sleeping bodies that something comes near, so fast that contacts might not show it in time.
     approached: Vec<Entity>,
-    /// Rigid bodies that contacts push.
-    pushed: Vec<Pushed>,
-    /// Rigid bodies with masses that cannot be used, of which the log has warned.
+    /// Rigid bodies that contacts push, in the order of their shapes.
+    pushed: EntityIndexMap<Pushed>,
+    /// Rigid bodies whose masses cannot be used. The log has warned of them.
     massless: EntityHashSet,
 }
 

@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 
-use crate::kernel::xpbd::{OnBody, ParticleRows, Placed, RigidBodies, coloring::NONE};
+use crate::kernel::xpbd::{OnBody, ParticleRows, Placed, RigidBodies};
 
 /// Particles in world space and double precision, in structure-of-arrays form, at the beginning and at the end of a
 /// tick. In between, they are [rows](ParticleRows).
@@ -21,12 +21,9 @@ pub struct Particles {
     pub velocity: Vec<DVec3>,
     /// One over the mass; 0 for a kinematic particle.
     pub inverse_mass: Vec<f64>,
-    /// The number of the rigid body that a particle is on, which contacts push; [`NO_BODY`] otherwise.
-    pub body: Vec<u32>,
+    /// The number of the rigid body that a particle is on, if contacts push that.
+    pub body: Vec<Option<u32>>,
 }
-
-/// Stands for no rigid body, or for one that nothing pushes.
-pub const NO_BODY: u32 = NONE;
 
 impl Particles {
     #[must_use]
@@ -45,31 +42,29 @@ impl Particles {
 
     /// Appends a particle that forces and constraints move.
     pub fn push_moved(&mut self, position: DVec3, velocity: DVec3, inverse_mass: f64) {
-        self.push(position, position, velocity, inverse_mass, NO_BODY);
+        self.push(position, position, velocity, inverse_mass, None);
     }
 
     /// Appends a kinematic particle.
     pub fn push_driven(&mut self, start: DVec3, end: DVec3) {
-        self.push_on_body(NO_BODY, [start, end]);
+        self.push_on_body(None, [start, end]);
     }
 
-    /// Appends a kinematic particle on a rigid body.
-    pub fn push_on_body(&mut self, body: u32, [start, end]: [DVec3; 2]) {
+    /// Appends a kinematic particle, on a rigid body if one is given.
+    pub fn push_on_body(&mut self, body: Option<u32>, [start, end]: [DVec3; 2]) {
         self.push(start, end, DVec3::ZERO, 0.0, body);
     }
 
     /// Whether a particle is on a rigid body that contacts push.
     #[must_use]
     pub fn is_on_body(&self, particle: u32) -> bool {
-        self.body[particle as usize] != NO_BODY
+        self.body[particle as usize].is_some()
     }
 
     /// Lets rigid bodies carry the particles on them, from a number on.
     pub fn carry(&self, first: usize, bodies: &mut RigidBodies) {
-        bodies.carry((first..self.len()).filter(|&particle| self.body[particle] != NO_BODY).map(|particle| OnBody {
-            particle,
-            body: self.body[particle],
-            ends: [self.start[particle], self.end[particle]],
+        bodies.carry((first..self.len()).filter_map(|particle| {
+            Some(OnBody { particle, body: self.body[particle]?, ends: [self.start[particle], self.end[particle]] })
         }));
     }
 
@@ -126,7 +121,7 @@ impl Particles {
         }
     }
 
-    fn push(&mut self, start: DVec3, end: DVec3, velocity: DVec3, inverse_mass: f64, body: u32) {
+    fn push(&mut self, start: DVec3, end: DVec3, velocity: DVec3, inverse_mass: f64, body: Option<u32>) {
         self.start.push(start);
         self.end.push(end);
         self.position.push(start);

@@ -4,13 +4,17 @@ use bevy_circumsphere::{prelude::*, response::*};
 use bevy_ecs::prelude::*;
 use bevy_transform::components::Transform;
 use circumsphere_support::scenes::{cloth, cuboid, icosphere};
-use glam::{DQuat, DVec3, Mat3, Quat, Vec3};
+use glam::{DQuat, DVec3, Mat3, Vec3};
 
 use crate::harness::{LOSSLESS, Scene, TICK, mean, ticks_in};
 
 /// A rigid body that a game moves.
 struct Rigid {
     entity: Entity,
+    /// Its shapes, and where they are from its center of mass.
+    parts: Vec<(Entity, Vec3)>,
+    /// 1 for axes along which it moves, and about which it turns; 0 for those that are locked.
+    free: [DVec3; 2],
     mass: f64,
     /// Principal moments of inertia, in the body's own axes.
     inertia: DVec3,
@@ -23,9 +27,17 @@ struct Rigid {
 
 impl Rigid {
     fn new(scene: &mut Scene, shape: SharedShape, mass: f64, inertia: DVec3, place: DVec3) -> Self {
-        let entity = scene.app.world_mut().spawn(RigidShape(shape)).id();
+        Self::of_parts(scene, vec![(shape, Vec3::ZERO)], mass, inertia, place)
+    }
+
+    fn of_parts(scene: &mut Scene, shapes: Vec<(SharedShape, Vec3)>, mass: f64, inertia: DVec3, place: DVec3) -> Self {
+        let world = scene.app.world_mut();
+        let entity = world.spawn_empty().id();
+        let part = |(shape, arm)| (world.spawn((RigidShape(shape), RigidPart(entity))).id(), arm);
         let rigid = Self {
             entity,
+            parts: shapes.into_iter().map(part).collect(),
+            free: [DVec3::ONE; 2],
             mass,
             inertia,
             place,
@@ -46,13 +58,19 @@ impl Rigid {
     fn write(&self, scene: &mut Scene) {
         let turn = self.turn.as_quat();
         let axes = Mat3::from_quat(turn);
+        let [moves, turns] = self.free.map(DVec3::as_vec3);
+        let turns = Mat3::from_diagonal(turns);
+        let inverse_inertia = axes * Mat3::from_diagonal((1.0 / self.inertia).as_vec3()) * axes.transpose();
         let mass = RigidMass {
-            inverse_mass: Vec3::splat((1.0 / self.mass) as f32),
-            inverse_inertia: axes * Mat3::from_diagonal((1.0 / self.inertia).as_vec3()) * axes.transpose(),
+            inverse_mass: moves * (1.0 / self.mass) as f32,
+            inverse_inertia: turns * inverse_inertia * turns,
             center_of_mass: self.place.as_vec3(),
         };
-        let at = Transform::from_translation(self.place.as_vec3()).with_rotation(turn);
-        scene.app.world_mut().entity_mut(self.entity).insert((at, mass));
+        scene.app.world_mut().entity_mut(self.entity).insert(mass);
+        for &(part, arm) in &self.parts {
+            let at = Transform::from_translation(self.place.as_vec3() + turn * arm).with_rotation(turn);
+            scene.app.world_mut().entity_mut(part).insert(at);
+        }
     }
 
     /// Moves the body, then everything else, and applies what has pushed the body.
@@ -215,8 +233,8 @@ fn what_cannot_be_moved_is_as_a_shape_that_the_game_moves() {
         let mut scene = Scene::new();
         scene.settings().gravity = Vec3::ZERO;
         let body = scene.add(&cloth(15, 0.05), LOSSLESS, swept());
-        let ball = scene.app.world_mut().spawn(RigidShape(SharedShape::ball(0.15))).id();
-        scene.app.world_mut().entity_mut(ball).insert_if_new(SurfaceReaction::default());
+        let ball = (RigidShape(SharedShape::ball(0.15)), SurfaceReaction::default());
+        let ball = scene.app.world_mut().spawn(ball).id();
         if let Some(mass) = mass {
             scene.app.world_mut().entity_mut(ball).insert(mass);
         }
@@ -258,41 +276,22 @@ fn shapes_of_one_body_move_together_and_locked_axes_stay() {
         let material = XpbdMaterial { area_density: 2.0, ..LOSSLESS };
         let cloth = scene.add(&cloth(9, 0.05).translate([0.5, 0.15, 0.0]), material, swept());
         scene.body_mut(cloth).velocities.fill(Vec3::NEG_Y);
-        let (arm, inertia) = (Vec3::X * 0.5, Vec3::new(0.02, 0.6, 0.6));
-        let body = scene.app.world_mut().spawn_empty().id();
+        let (arm, inertia) = (Vec3::X * 0.5, DVec3::new(0.02, 0.6, 0.6));
+        let pad = SharedShape::cuboid(0.2, 0.05, 0.2);
         let pads = if is_compound {
-            let pad = SharedShape::cuboid(0.2, 0.05, 0.2);
             let parts = [arm, -arm].map(|arm| (parry3d::math::Pose::from_translation(arm), pad.clone()));
-            let shape = RigidShape(SharedShape::compound(parts.to_vec()));
-            vec![(scene.app.world_mut().spawn((shape, RigidPart(body))).id(), Vec3::ZERO)]
+            vec![(SharedShape::compound(parts.to_vec()), Vec3::ZERO)]
         } else {
-            let pad = || RigidShape(SharedShape::cuboid(0.2, 0.05, 0.2));
-            [arm, -arm].map(|arm| (scene.app.world_mut().spawn((pad(), RigidPart(body))).id(), arm)).to_vec()
+            [arm, -arm].map(|arm| (pad.clone(), arm)).to_vec()
         };
-        let (mut place, mut turn, mut velocity, mut spin) = (Vec3::ZERO, Quat::IDENTITY, Vec3::ZERO, Vec3::ZERO);
-        for _ in 0..60 {
-            place += velocity * TICK as f32;
-            turn = (Quat::from_scaled_axis(spin * TICK as f32) * turn).normalize();
-            for &(pad, arm) in &pads {
-                let at = Transform::from_translation(place + turn * arm).with_rotation(turn);
-                scene.app.world_mut().entity_mut(pad).insert(at);
-            }
-            let axes = Mat3::from_quat(turn);
-            let inverse_inertia = axes * Mat3::from_diagonal(inertia.recip()) * axes.transpose();
-            let mass = RigidMass {
-                inverse_mass: if locked { Vec3::X } else { Vec3::ONE },
-                inverse_inertia: if locked { Mat3::ZERO } else { inverse_inertia },
-                center_of_mass: place,
-            };
-            scene.app.world_mut().entity_mut(body).insert(mass);
-            scene.run(1);
-            let push = scene.app.world().get::<RigidPush>(body).unwrap();
-            velocity += push.velocity;
-            spin += push.angular_velocity;
-            place += push.translation;
-            turn = (push.rotation * turn).normalize();
+        let mut plate = Rigid::of_parts(&mut scene, pads, 1.0, inertia, DVec3::ZERO);
+        if locked {
+            plate.free = [DVec3::X, DVec3::ZERO];
         }
-        (place, velocity, spin)
+        for _ in 0..60 {
+            plate.tick(&mut scene, TICK);
+        }
+        (plate.place, plate.velocity, plate.spin)
     };
     let [one, two] = [true, false].map(|is_compound| run(is_compound, false));
     // The cloth hits the arm at x > 0 from above.
@@ -316,16 +315,16 @@ fn a_crate_comes_to_rest_on_a_soft_block() {
         let half = 0.2;
         let inertia = DVec3::splat(mass * 2.0 * half * half / 3.0);
         let shape = SharedShape::cuboid(half as f32, half as f32, half as f32);
-        let mut crate_ = Rigid::new(&mut scene, shape, mass, inertia, DVec3::new(0.05, 0.6, 0.0));
-        crate_.gravity = DVec3::NEG_Y * 9.81;
+        let mut load = Rigid::new(&mut scene, shape, mass, inertia, DVec3::new(0.05, 0.6, 0.0));
+        load.gravity = DVec3::NEG_Y * 9.81;
         let mut fastest = 0.0_f64;
         for tick in 0..600 {
-            crate_.tick(&mut scene, TICK);
+            load.tick(&mut scene, TICK);
             if tick > 540 {
-                fastest = fastest.max(crate_.velocity.length());
+                fastest = fastest.max(load.velocity.length());
             }
         }
-        let bottom = crate_.place.y - half;
+        let bottom = load.place.y - half;
         assert!(fastest < 0.1 && (0.1..0.4).contains(&bottom), "{mass} kg: {fastest} m/s, bottom at {bottom}");
     }
 }

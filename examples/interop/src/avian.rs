@@ -157,21 +157,15 @@ fn weigh_bodies(
             continue;
         }
         let locked = locked.copied().unwrap_or_default();
-        let (inverse_mass, mut inverse_inertia) = (mass.inverse(), Mat3::from(inertia.rotated(rotation.0).inverse()));
-        let free = |is_locked: bool| if is_locked { 0.0 } else { inverse_mass };
+        let free = |is_locked: bool| if is_locked { 0.0 } else { 1.0 };
+        let moves =
+            [locked.is_translation_x_locked(), locked.is_translation_y_locked(), locked.is_translation_z_locked()];
         let turns = [locked.is_rotation_x_locked(), locked.is_rotation_y_locked(), locked.is_rotation_z_locked()];
-        for (axis, _) in turns.into_iter().enumerate().filter(|(_, is_locked)| *is_locked) {
-            *inverse_inertia.col_mut(axis) = Vec3::ZERO;
-            inverse_inertia = inverse_inertia.transpose();
-            *inverse_inertia.col_mut(axis) = Vec3::ZERO;
-        }
+        let [moves, turns] = [moves, turns].map(|axes| Vec3::from(axes.map(free)));
+        let turns = Mat3::from_diagonal(turns);
         let mass = RigidMass {
-            inverse_mass: Vec3::new(
-                free(locked.is_translation_x_locked()),
-                free(locked.is_translation_y_locked()),
-                free(locked.is_translation_z_locked()),
-            ),
-            inverse_inertia,
+            inverse_mass: moves * mass.inverse(),
+            inverse_inertia: turns * Mat3::from(inertia.rotated(rotation.0).inverse()) * turns,
             center_of_mass: position.0 + rotation.0 * center.0,
         };
         if let Some(mut known) = known {

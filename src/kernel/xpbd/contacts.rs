@@ -16,7 +16,7 @@ use glam::DVec3;
 pub(super) use self::blocks::{FeatureBlock, PlaneBlock};
 use super::{
     acting::{ActingBlock, Common, Evaluation},
-    coloring::{Block, Coloring, NONE, in_order},
+    coloring::{Block, Coloring, NONE, in_order, lanes_of},
     rows::MovingRows,
 };
 use crate::kernel::simd::lanes::WIDTH;
@@ -73,7 +73,8 @@ impl Contact<Plane<6>> {
     }
 }
 
-/// Eight contacts that have no particle in common, of up to `N` particles each.
+/// What is between the sides of eight contacts that have no particle in common, of up to `N` particles each. What all kinds
+/// of contacts know is passed beside it.
 pub(super) trait ContactBlock<const N: usize>: Sized {
     /// What a contact is between.
     type Parts: Copy;
@@ -84,19 +85,15 @@ pub(super) trait ContactBlock<const N: usize>: Sized {
     /// The contacts with these numbers. Particles are at `start`.
     fn new(numbers: &Block, contacts: &[Contact<Self::Parts>], start: &[DVec3]) -> Self;
 
-    fn common(&mut self) -> &mut Common;
-
-    /// The numbers of those contacts that ask for their impulses.
-    fn reactions(&self) -> &[u32; WIDTH];
-
     /// Evaluates the contacts where their particles are, when `share` of the tick has passed.
-    fn begin<S: Simd>(&mut self, simd: S, rows: MovingRows<'_>, share: f32);
+    fn begin<S: Simd>(&self, simd: S, common: &mut Common, rows: MovingRows<'_>, share: f32);
 
-    /// Evaluates the contacts at the unconstrained positions of a substep. `None` if none of them may act.
+    /// Evaluates the contacts of the block with a number at the unconstrained positions of a substep. `None` if none of them
+    /// may act.
     fn begin_step<S: Simd>(
-        &mut self,
+        &self,
         simd: S,
-        source: u32,
+        from: (u32, &mut Common),
         rows: MovingRows<'_>,
         evaluation: Evaluation,
     ) -> Option<ActingBlock<N>>;
@@ -153,7 +150,7 @@ pub(super) trait ContactList {
 /// Contacts of one kind, colored batch by batch.
 #[derive(Debug)]
 pub(super) struct ContactBlocks<B, const N: usize> {
-    blocks: Vec<B>,
+    blocks: Vec<(B, Common)>,
     /// The end of each batch among the blocks.
     batches: Vec<usize>,
     acting: Vec<ActingBlock<N>>,
@@ -195,12 +192,16 @@ impl<B: ContactBlock<N>, const N: usize> ContactBlocks<B, N> {
             numbers.clear();
             let particles_of = |contact: u32| B::particles(&contacts[contact as usize].parts).map(moved);
             coloring.blocks(start.len(), contacts.len(), particles_of, numbers);
-            blocks.extend(numbers.iter().map(|numbers| B::new(numbers, contacts, start)));
+            blocks.extend(numbers.iter().map(|numbers| {
+                let mut common = Common::EMPTY;
+                lanes_of(numbers).for_each(|(lane, number)| common.set(lane, &contacts[number]));
+                (B::new(numbers, contacts, start), common)
+            }));
             batches.push(blocks.len());
         }
         dispatch!(simd => {
-            for block in &mut blocks[before..] {
-                block.begin(simd, rows, share);
+            for (block, common) in &mut blocks[before..] {
+                block.begin(simd, common, rows, share);
             }
         });
     }
@@ -232,8 +233,9 @@ impl<B: ContactBlock<N>, const N: usize> ContactList for ContactBlocks<B, N> {
             let mut first = 0;
             for &end in &*batches {
                 for source in first..end {
-                    if let Some(found) = blocks[source].begin_step(simd, source as u32, rows, evaluation) {
-                        if blocks[source].reactions() != &[NONE; WIDTH] {
+                    let (block, common) = &mut blocks[source];
+                    if let Some(found) = block.begin_step(simd, (source as u32, common), rows, evaluation) {
+                        if common.reaction != [NONE; WIDTH] {
                             asking.push(acting.len() as u32);
                         }
                         acting.push(found);
@@ -285,7 +287,7 @@ impl<B: ContactBlock<N>, const N: usize> ContactList for ContactBlocks<B, N> {
         let Self { blocks, acting, .. } = self;
         dispatch!(simd => {
             for block in acting {
-                block.end_step(simd, rows, blocks[block.source as usize].common());
+                block.end_step(simd, rows, &mut blocks[block.source as usize].1);
             }
         });
     }
@@ -301,7 +303,7 @@ impl<B: ContactBlock<N>, const N: usize> ContactList for ContactBlocks<B, N> {
         let Self { blocks, acting, asking, .. } = self;
         for &place in &*asking {
             let block = &mut acting[place as usize];
-            let numbers = blocks[block.source as usize].reactions();
+            let numbers = &blocks[block.source as usize].1.reaction;
             for lane in (0..WIDTH).filter(|&lane| numbers[lane] != NONE) {
                 if let Some(normal) = block.normal(lane)
                     && let Some(by) = visit(numbers[lane], normal.as_dvec3())
@@ -315,7 +317,7 @@ impl<B: ContactBlock<N>, const N: usize> ContactList for ContactBlocks<B, N> {
     fn pushes(&self, is_over: bool, add: &mut dyn FnMut(u32, DVec3)) {
         for &place in &self.asking {
             let block = &self.acting[place as usize];
-            let numbers = self.blocks[block.source as usize].reactions();
+            let numbers = &self.blocks[block.source as usize].1.reaction;
             for lane in (0..WIDTH).filter(|&lane| numbers[lane] != NONE) {
                 add(numbers[lane], block.pushed(lane, is_over).as_dvec3());
             }
@@ -323,8 +325,7 @@ impl<B: ContactBlock<N>, const N: usize> ContactList for ContactBlocks<B, N> {
     }
 
     fn reactions(&mut self, add: &mut dyn FnMut(u32, DVec3)) {
-        for block in &mut self.blocks {
-            let common = block.common();
+        for (_, common) in &self.blocks {
             for (lane, &number) in common.reaction.iter().enumerate().filter(|&(_, &number)| number != NONE) {
                 add(number, common.pushes.get(lane).as_dvec3());
             }

@@ -11,10 +11,7 @@
 
 use glam::{DMat3, DQuat, DVec3};
 
-use super::{
-    coloring::NONE,
-    rows::{MovingRows, row_of},
-};
+use super::rows::{MovingRows, row_of};
 
 /// By how much something deviates from its path.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -34,8 +31,7 @@ impl Default for Deviation {
 impl Deviation {
     /// Followed by a translation, and by a rotation vector in radians.
     fn then(self, translation: DVec3, turn: DVec3) -> Self {
-        let rotation = (DQuat::from_scaled_axis(turn) * self.rotation).normalize();
-        Self { translation: self.translation + translation, rotation }
+        self.followed_by(Self { translation, rotation: DQuat::from_scaled_axis(turn) })
     }
 
     /// Followed by another one.
@@ -82,7 +78,6 @@ struct Moving {
 /// A contact that pushes a rigid body.
 #[derive(Clone, Copy, Debug)]
 struct Pusher {
-    /// The body; [`NONE`] if what it pushes has no mass.
     body: u32,
     /// From the center of mass to the contact point, at the beginning of the tick.
     arm: DVec3,
@@ -115,7 +110,8 @@ pub struct OnBody {
 #[derive(Clone, Debug, Default)]
 pub struct RigidBodies {
     bodies: Vec<Moving>,
-    pushers: Vec<Pusher>,
+    /// By number. `None` where what a contact pushes has no mass.
+    pushers: Vec<Option<Pusher>>,
     carried: Vec<Carried>,
 }
 
@@ -147,12 +143,11 @@ impl RigidBodies {
         !self.pushers.is_empty()
     }
 
-    /// Says that the contact with a number pushes a body at a point, and whether the body is its first side.
+    /// Says that the contact with a number, greater than those before, pushes a body at a point, and whether the body is its first side.
     pub fn push_at(&mut self, number: u32, body: u32, point: DVec3, is_first: bool) {
-        let none = Pusher { body: NONE, arm: DVec3::ZERO, sign: 0.0 };
-        self.pushers.resize(number as usize + 1, none);
+        self.pushers.resize(number as usize, None);
         let arm = point - self.bodies[body as usize].body.center[0];
-        self.pushers[number as usize] = Pusher { body, arm, sign: if is_first { 1.0 } else { -1.0 } };
+        self.pushers.push(Some(Pusher { body, arm, sign: if is_first { 1.0 } else { -1.0 } }));
     }
 
     /// Begins a solution: bodies are back on their paths, without any particles.
@@ -301,8 +296,8 @@ impl RigidBodies {
 }
 
 /// The contact with a number, if it pushes a body.
-fn pusher(pushers: &[Pusher], number: u32) -> Option<Pusher> {
-    pushers.get(number as usize).copied().filter(|pusher| pusher.body != NONE)
+fn pusher(pushers: &[Option<Pusher>], number: u32) -> Option<Pusher> {
+    pushers.get(number as usize).copied().flatten()
 }
 
 #[cfg(test)]
@@ -327,7 +322,7 @@ mod tests {
         let mut bodies = RigidBodies::default();
         let ball = bodies.push(ball());
         let normal = DVec3::new(1.0, -2.0, 0.5).normalize();
-        // Three contacts, of which two are counted, and others that push nothing with a mass.
+        // Two of these three contacts are counted. The other numbers push nothing that has a mass.
         for number in [1, 3, 4] {
             bodies.push_at(number, ball, DVec3::Y + normal * RADIUS, number == 3);
         }

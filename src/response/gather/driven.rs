@@ -2,14 +2,12 @@
 
 use glam::DVec3;
 
-use crate::response::particles::Particles;
-
-/// Marks a vertex that is not a particle.
-pub(super) const NONE: u32 = u32::MAX;
+use crate::{kernel::xpbd::coloring::NONE, response::particles::Particles};
 
 /// Which vertices of a static or kinematic object are particles in this tick.
 #[derive(Default)]
 pub(super) struct Driven {
+    /// The particle of each vertex; [`NONE`] for those that are not particles.
     pub(super) slots: Vec<u32>,
     pub(super) used: Vec<u32>,
     /// The last tick in which a contact touched the object.
@@ -22,7 +20,7 @@ impl Driven {
         &mut self,
         particles: &mut Particles,
         vertex: usize,
-        body: u32,
+        body: Option<u32>,
         ends: impl FnOnce() -> Option<[DVec3; 2]>,
     ) -> Option<u32> {
         let slot = self.slots.get_mut(vertex)?;

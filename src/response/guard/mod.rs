@@ -249,8 +249,7 @@ impl Guard {
         self.planes.clear();
         for _ in 0..PROJECTIONS {
             let Self { meshes, found, planes, changed, solved, .. } = self;
-            let wants_reaction = |entity| scene.wants_reaction(entity);
-            let answers = Answers { wants_reaction: &wants_reaction, gatherer, bodies };
+            let answers = Answers { scene, gatherer, bodies };
             for impact in &*found {
                 planes.add(particles, solved, meshes, impact, &answers, duration);
             }

@@ -15,11 +15,7 @@ use crate::{
         ccd::PairImpact,
         xpbd::{MOST_LEVER, RigidBodies},
     },
-    response::{
-        gather::Gatherer,
-        particles::{NO_BODY, Particles},
-        reaction::Reactions,
-    },
+    response::{gather::Gatherer, particles::Particles, reaction::Reactions, scene::Scene},
 };
 
 /// Largest number of sweeps over all planes.
@@ -63,7 +59,7 @@ struct Struck {
 
 /// Which objects that the solver does not move answer to impacts.
 pub(super) struct Answers<'a> {
-    pub(super) wants_reaction: &'a dyn Fn(Entity) -> bool,
+    pub(super) scene: &'a Scene<'a, 'a>,
     pub(super) gatherer: &'a Gatherer,
     pub(super) bodies: &'a RigidBodies,
 }
@@ -71,9 +67,8 @@ pub(super) struct Answers<'a> {
 impl Answers<'_> {
     /// What an impact strikes at a point, if that answers.
     fn at(&self, entity: Entity, point: DVec3, sign: f64) -> Option<Struck> {
-        let body = self.gatherer.rigid_body(entity);
-        let body = (body != NO_BODY).then(|| (body, self.bodies.arm_of(body, point)));
-        (body.is_some() || (self.wants_reaction)(entity)).then_some(Struck { entity, point, sign, body })
+        let body = self.gatherer.rigid_body(entity).map(|body| (body, self.bodies.arm_of(body, point)));
+        self.gatherer.answers(self.scene, entity).then_some(Struck { entity, point, sign, body })
     }
 }
 
@@ -170,7 +165,7 @@ impl Planes {
                 }
                 let (start, end) = (swept.start[corner], swept.end[corner]);
                 ahead += end * weight;
-                let on_path = if body == NO_BODY { end } else { answers.bodies.on_path(body, end) };
+                let on_path = body.map_or(end, |body| answers.bodies.on_path(body, end));
                 moved += (on_path - start) * weight;
                 fastest = fastest.max(start.distance(end));
             }

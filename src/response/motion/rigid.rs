@@ -1,6 +1,6 @@
 //! Rigid bodies that contacts push, from part to part of a tick.
 
-use bevy_ecs::{entity::EntityHashMap, prelude::*};
+use bevy_ecs::prelude::*;
 use glam::{DAffine3, DMat3, DVec3};
 
 use super::{Motions, course::Stand};
@@ -15,7 +15,6 @@ use crate::{
 /// A rigid body in a tick.
 #[derive(Clone, Debug)]
 pub(super) struct Pushed {
-    entity: Entity,
     mass: RigidMass,
     /// Its shapes, with the center of mass in their frames.
     shapes: Vec<(Entity, DVec3)>,
@@ -40,6 +39,13 @@ fn deviated(pose: &Pose, center: DVec3, deviation: &Deviation) -> Pose {
 }
 
 impl Pushed {
+    /// What the tick did to it.
+    fn push(&self) -> RigidPush {
+        let [velocity, angular_velocity] = self.velocity.map(DVec3::as_vec3);
+        let Deviation { translation, rotation } = self.deviation;
+        RigidPush { velocity, angular_velocity, translation: translation.as_vec3(), rotation: rotation.as_quat() }
+    }
+
     fn deviate(&self, stand: &mut Stand, center: DVec3) {
         stand.pose = deviated(&stand.pose, center, &self.deviation);
     }
@@ -60,19 +66,14 @@ impl Motions {
             return false;
         }
         self.massless.remove(&entity);
-        let place = self.pushed.iter().position(|pushed| pushed.entity == entity).unwrap_or_else(|| {
-            self.pushed.push(Pushed {
-                entity,
-                mass: *mass,
-                shapes: Vec::new(),
-                deviation: Deviation::default(),
-                velocity: [DVec3::ZERO; 2],
-                number: None,
-            });
-            self.pushed.len() - 1
+        let pushed = self.pushed.entry(entity).or_insert_with(|| Pushed {
+            mass: *mass,
+            shapes: Vec::new(),
+            deviation: Deviation::default(),
+            velocity: [DVec3::ZERO; 2],
+            number: None,
         });
-        let center = pose.inverse().transform_point(mass.center_of_mass.as_dvec3());
-        self.pushed[place].shapes.push((shape, center));
+        pushed.shapes.push((shape, pose.inverse().transform_point(mass.center_of_mass.as_dvec3())));
         true
     }
 
@@ -80,7 +81,7 @@ impl Motions {
     /// of its body.
     pub(in crate::response) fn hand_over(&mut self, bodies: &mut RigidBodies, mut add: impl FnMut(Entity, u32)) {
         let Self { pushed, courses, .. } = self;
-        for Pushed { mass, shapes, velocity, number, .. } in pushed {
+        for Pushed { mass, shapes, velocity, number, .. } in pushed.values_mut() {
             let mut near = shapes.iter().filter_map(|(shape, center)| Some((courses.get(shape)?, *center)));
             *number = near.next().map(|(course, center)| {
                 let center = [&course.now, &course.ahead].map(|stand| stand.pose.transform_point(center));
@@ -104,7 +105,7 @@ impl Motions {
     /// Notes where a solution has moved rigid bodies.
     pub(in crate::response) fn push(&mut self, bodies: &RigidBodies) {
         let Self { pushed, courses, .. } = self;
-        for (Pushed { shapes, .. }, number) in pushed.iter().filter_map(|pushed| Some((pushed, pushed.number?))) {
+        for (Pushed { shapes, .. }, number) in pushed.values().filter_map(|pushed| Some((pushed, pushed.number?))) {
             let (deviation, _) = bodies.state(number);
             for (shape, center) in shapes {
                 if let Some(course) = courses.get_mut(shape) {
@@ -117,16 +118,14 @@ impl Motions {
     /// Ends a part of the tick: what the last solution did stays.
     pub(in crate::response) fn keep_pushed(&mut self, bodies: &RigidBodies) {
         let Self { pushed, courses, .. } = self;
-        for Pushed { shapes, deviation, velocity, number, .. } in pushed {
+        for Pushed { deviation, velocity, number, .. } in pushed.values_mut() {
             let Some(number) = number.take() else { continue };
             let (next, speeds) = bodies.state(number);
             (*deviation, *velocity) = (deviation.followed_by(next), speeds);
-            for (shape, _) in shapes {
-                if let Some(course) = courses.get_mut(shape)
-                    && let Some(pose) = course.pushed.take()
-                {
-                    course.ahead.pose = pose;
-                }
+        }
+        for course in courses.values_mut() {
+            if let Some(pose) = course.pushed.take() {
+                course.ahead.pose = pose;
             }
         }
     }
@@ -134,7 +133,7 @@ impl Motions {
     /// Moves the ends of paths in the part that begins by what earlier parts have pushed.
     pub(super) fn look_ahead_pushed(&mut self) {
         let Self { pushed, courses, .. } = self;
-        for pushed in &*pushed {
+        for pushed in pushed.values() {
             for (shape, center) in &pushed.shapes {
                 if let Some(course) = courses.get_mut(shape) {
                     pushed.deviate(&mut course.ahead, *center);
@@ -146,27 +145,15 @@ impl Motions {
     /// Ends the tick: writes the pushes, and remembers where they have moved shapes.
     pub(in crate::response) fn end_pushes(&mut self, pushes: &mut Query<(Entity, &mut RigidPush)>) {
         let Self { pushed, traces, .. } = self;
-        let mut moved = EntityHashMap::default();
-        for pushed in &*pushed {
-            let Pushed { entity, shapes, deviation: Deviation { translation, rotation }, velocity, .. } = pushed;
-            let [linear, angular] = velocity.map(DVec3::as_vec3);
-            moved.insert(
-                *entity,
-                RigidPush {
-                    velocity: linear,
-                    angular_velocity: angular,
-                    translation: translation.as_vec3(),
-                    rotation: rotation.as_quat(),
-                },
-            );
-            for (shape, center) in shapes {
+        for pushed in pushed.values() {
+            for (shape, center) in &pushed.shapes {
                 if let Some(trace) = traces.get_mut(shape) {
                     pushed.deviate(&mut trace.stand, *center);
                 }
             }
         }
         for (entity, mut push) in pushes {
-            push.set_if_neq(moved.get(&entity).copied().unwrap_or_default());
+            push.set_if_neq(pushed.get(&entity).map(Pushed::push).unwrap_or_default());
         }
     }
 }

@@ -21,7 +21,6 @@ pub(in crate::kernel::xpbd) struct FeatureBlock<const ARE_EDGES: bool, const N: 
     places: [Places; 4],
     /// From one particle to each of the others, at the beginning of the tick.
     start: [VectorRows; 3],
-    common: Common,
 }
 
 impl<const ARE_EDGES: bool, const N: usize> FeatureBlock<ARE_EDGES, N> {
@@ -32,14 +31,14 @@ impl<const ARE_EDGES: bool, const N: usize> FeatureBlock<ARE_EDGES, N> {
 
     /// The features at displacements of their particles.
     #[cfg_attr(not(unoptimized), inline(always))]
-    fn meet<S: Simd>(&self, simd: S, moved: &[VectorLanes<S>; 4]) -> Meeting<S> {
+    fn meet<S: Simd>(&self, simd: S, common: &Common, moved: &[VectorLanes<S>; 4]) -> Meeting<S> {
         let mut positions = [zero(simd); 3];
         let others = Self::KIND.others();
         for place in 0..3 {
             let relative = moved[others[place]] - moved[Self::KIND.base()];
             positions[place] = VectorLanes::load(simd, &self.start[place]).plus(relative);
         }
-        let before = VectorLanes::load(simd, &self.common.normal);
+        let before = VectorLanes::load(simd, &common.normal);
         match Self::KIND {
             FeatureKind::VertexFace => vertex_face(simd, positions, before),
             FeatureKind::EdgeEdge => edge_edge(simd, positions, before),
@@ -48,13 +47,13 @@ impl<const ARE_EDGES: bool, const N: usize> FeatureBlock<ARE_EDGES, N> {
 
     /// The separation at the beginning of the tick for the weights and the normal of a meeting.
     #[cfg_attr(not(unoptimized), inline(always))]
-    fn offset<S: Simd>(&self, simd: S, meeting: &Meeting<S>) -> f32x8<S> {
+    fn offset<S: Simd>(&self, simd: S, common: &Common, meeting: &Meeting<S>) -> f32x8<S> {
         let mut sum = zero(simd);
         let others = Self::KIND.others();
         for place in 0..3 {
             sum = sum.plus(VectorLanes::load(simd, &self.start[place]).scaled(meeting.weights[others[place]]));
         }
-        meeting.normal.dot(sum) - f32x8::from_slice(simd, &self.common.distance)
+        meeting.normal.dot(sum) - f32x8::from_slice(simd, &common.distance)
     }
 
     /// Those that constraints move.
@@ -72,7 +71,7 @@ impl<const ARE_EDGES: bool, const N: usize> ContactBlock<N> for FeatureBlock<ARE
     }
 
     fn new(numbers: &Block, contacts: &[Contact<FeatureParticles>], start: &[DVec3]) -> Self {
-        let mut block = Self { places: [[NOBODY; WIDTH]; 4], start: [VectorRows::ZERO; 3], common: Common::EMPTY };
+        let mut block = Self { places: [[NOBODY; WIDTH]; 4], start: [VectorRows::ZERO; 3] };
         for (lane, number) in lanes_of(numbers) {
             let contact = &contacts[number];
             let particles = contact.parts.map(|particle| particle as usize);
@@ -83,43 +82,34 @@ impl<const ARE_EDGES: bool, const N: usize> ContactBlock<N> for FeatureBlock<ARE
             for (rows, other) in block.start.iter_mut().zip(Self::KIND.others()) {
                 set_lane(rows, lane, start[particles[other]] - base);
             }
-            block.common.set(lane, contact);
         }
         block
     }
 
-    fn common(&mut self) -> &mut Common {
-        &mut self.common
-    }
-
-    fn reactions(&self) -> &[u32; WIDTH] {
-        &self.common.reaction
-    }
-
     #[cfg_attr(not(unoptimized), inline(always))]
-    fn begin<S: Simd>(&mut self, simd: S, rows: MovingRows<'_>, _: f32) {
+    fn begin<S: Simd>(&self, simd: S, common: &mut Common, rows: MovingRows<'_>, _: f32) {
         let moved = gather_all(simd, rows.displacement, &self.places);
         let vectors = [moved[0].vector, moved[1].vector, moved[2].vector, moved[3].vector];
-        let meeting = self.meet(simd, &vectors);
+        let meeting = self.meet(simd, common, &vectors);
         let way = weighted_sum(simd, &moved, &meeting.weights);
-        (self.offset(simd, &meeting) + meeting.normal.dot(way)).store_slice(&mut self.common.left);
-        meeting.normal.store(&mut self.common.normal);
+        (self.offset(simd, common, &meeting) + meeting.normal.dot(way)).store_slice(&mut common.left);
+        meeting.normal.store(&mut common.normal);
     }
 
     #[cfg_attr(not(unoptimized), inline(always))]
     fn begin_step<S: Simd>(
-        &mut self,
+        &self,
         simd: S,
-        source: u32,
+        (source, common): (u32, &mut Common),
         rows: MovingRows<'_>,
         evaluation: Evaluation,
     ) -> Option<ActingBlock<N>> {
         let moved = gather_all(simd, rows.displacement, &self.places);
         let speeds = gather_all(simd, rows.velocity, &self.places);
         let vectors = [moved[0].vector, moved[1].vector, moved[2].vector, moved[3].vector];
-        let meeting = self.meet(simd, &vectors);
-        let offset = self.offset(simd, &meeting);
-        meeting.normal.store(&mut self.common.normal);
+        let meeting = self.meet(simd, common, &vectors);
+        let offset = self.offset(simd, common, &meeting);
+        meeting.normal.store(&mut common.normal);
         let Meeting { weights, normal } = meeting;
         let zeros = f32x8::splat(simd, 0.0);
         let mut driven = Driven { moved: zero(simd), speed: zero(simd), fastest: zeros };
@@ -135,7 +125,7 @@ impl<const ARE_EDGES: bool, const N: usize> ContactBlock<N> for FeatureBlock<ARE
         }
         let free = Free { moved: Self::free(&moved), speeds: Self::free(&speeds), weights: Self::free(&weights) };
         let places = Self::free(&self.places);
-        self.common.act(simd, (source, &places), &free, &driven, (normal, offset, SHALLOW), evaluation)
+        common.act(simd, (source, &places), &free, &driven, (normal, offset, SHALLOW), evaluation)
     }
 }
 
@@ -146,7 +136,6 @@ pub(in crate::kernel::xpbd) struct PlaneBlock<const N: usize> {
     weights: [[f32; WIDTH]; N],
     drive: VectorRows,
     offset: [f32; WIDTH],
-    common: Common,
 }
 
 impl<const N: usize> ContactBlock<N> for PlaneBlock<N> {
@@ -162,7 +151,6 @@ impl<const N: usize> ContactBlock<N> for PlaneBlock<N> {
             weights: [[0.0; WIDTH]; N],
             drive: VectorRows::ZERO,
             offset: [0.0; WIDTH],
-            common: Common::EMPTY,
         };
         for (lane, number) in lanes_of(numbers) {
             let contact = &contacts[number];
@@ -171,47 +159,38 @@ impl<const N: usize> ContactBlock<N> for PlaneBlock<N> {
                 block.weights[place][lane] = contact.parts.weights[place] as f32;
             }
             set_lane(&mut block.drive, lane, contact.parts.drive);
-            block.common.set(lane, contact);
             block.offset[lane] = contact.parts.separation as f32;
         }
         block
     }
 
-    fn common(&mut self) -> &mut Common {
-        &mut self.common
-    }
-
-    fn reactions(&self) -> &[u32; WIDTH] {
-        &self.common.reaction
-    }
-
     #[cfg_attr(not(unoptimized), inline(always))]
-    fn begin<S: Simd>(&mut self, simd: S, rows: MovingRows<'_>, share: f32) {
+    fn begin<S: Simd>(&self, simd: S, common: &mut Common, rows: MovingRows<'_>, share: f32) {
         let moved = gather_all(simd, rows.displacement, &self.places);
         let way = weighted_sum(simd, &moved, &load_all(simd, &self.weights));
         let way = way.plus(VectorLanes::load(simd, &self.drive).scaled(f32x8::splat(simd, share)));
-        let along = VectorLanes::load(simd, &self.common.normal).dot(way);
-        (f32x8::from_slice(simd, &self.offset) + along).store_slice(&mut self.common.left);
+        let along = VectorLanes::load(simd, &common.normal).dot(way);
+        (f32x8::from_slice(simd, &self.offset) + along).store_slice(&mut common.left);
     }
 
     #[cfg_attr(not(unoptimized), inline(always))]
     fn begin_step<S: Simd>(
-        &mut self,
+        &self,
         simd: S,
-        source: u32,
+        (source, common): (u32, &mut Common),
         rows: MovingRows<'_>,
         evaluation: Evaluation,
     ) -> Option<ActingBlock<N>> {
         let moved = gather_all(simd, rows.displacement, &self.places);
         let speeds = gather_all(simd, rows.velocity, &self.places);
         let weights = load_all(simd, &self.weights);
-        let normal = VectorLanes::load(simd, &self.common.normal);
+        let normal = VectorLanes::load(simd, &common.normal);
         let offset = f32x8::from_slice(simd, &self.offset);
         let drive = VectorLanes::load(simd, &self.drive);
         let speed = drive.scaled(f32x8::splat(simd, evaluation.rate));
         let driven =
             Driven { moved: drive.scaled(f32x8::splat(simd, evaluation.share)), speed, fastest: speed.dot(speed) };
         let free = Free { moved, speeds, weights };
-        self.common.act(simd, (source, &self.places), &free, &driven, (normal, offset, f32::INFINITY), evaluation)
+        common.act(simd, (source, &self.places), &free, &driven, (normal, offset, f32::INFINITY), evaluation)
     }
 }
