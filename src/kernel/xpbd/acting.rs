@@ -69,6 +69,7 @@ pub(super) struct Driven<S: Simd> {
 
 /// What all blocks of contacts know of theirs.
 #[derive(Debug)]
+#[repr(C, align(32))]
 pub(super) struct Common {
     pub(super) normal: VectorRows,
     pub(super) distance: [f32; WIDTH],
@@ -110,9 +111,8 @@ impl Common {
 /// Up to eight contacts that may act in a substep, with their weights and normals there. Only free particles are in it.
 /// What the others do is known, and is part of the offsets.
 #[derive(Debug)]
+#[repr(C, align(32))]
 pub(super) struct ActingBlock<const N: usize> {
-    /// The block that they were evaluated from.
-    pub(super) source: u32,
     places: [Places; N],
     weights: [[f32; WIDTH]; N],
     normal: VectorRows,
@@ -120,20 +120,22 @@ pub(super) struct ActingBlock<const N: usize> {
     offset: [f32; WIDTH],
     /// The separation to reach: 0, or less if the sides overlapped before the substep.
     target: [f32; WIDTH],
-    /// The least separation that may be left.
-    allowed: [f32; WIDTH],
     /// `1 / Σ w a²`, limited by [`MOST_LEVER`]; 0 if the contact cannot act.
     inverse: [f32; WIDTH],
-    /// The same across the normal. It differs if a rigid body gives way.
+    multiplier: [f32; WIDTH],
+    /// The least separation that may be left.
+    allowed: [f32; WIDTH],
+    /// As `inverse`, across the normal. It differs if a rigid body gives way.
     inverse_across: [f32; WIDTH],
-    /// Largest speed of the free particles along the normal that is not bounce.
-    most_opening: [f32; WIDTH],
     /// Weighted sum of the displacements of free particles at which nothing has slid in the substep.
     before: VectorRows,
     friction: [[f32; WIDTH]; 2],
-    multiplier: [f32; WIDTH],
     /// The multiplier of friction. When the substep ends, all that the contact has pushed.
     sliding: VectorRows,
+    /// Largest speed of the free particles along the normal that is not bounce.
+    most_opening: [f32; WIDTH],
+    /// The block that they were evaluated from.
+    pub(super) source: u32,
     /// Duration of the substep in seconds.
     step: f32,
 }

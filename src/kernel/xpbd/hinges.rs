@@ -43,6 +43,7 @@ pub type HingeRests = Rests<4>;
 
 /// Eight hinges that have no particle in common.
 #[derive(Debug)]
+#[repr(C, align(32))]
 struct HingeBlock {
     corners: [Places; 4],
     /// From the first corner to each of the others, at the beginning of the tick.

@@ -18,6 +18,7 @@ pub type SpringRests = Rests<2>;
 
 /// Eight springs that have no particle in common.
 #[derive(Debug)]
+#[repr(C, align(32))]
 struct SpringBlock {
     ends: [Places; 2],
     /// From the second end to the first at the beginning of the tick.

@@ -17,6 +17,7 @@ use crate::kernel::{
 /// Eight contacts between two edges, or between a vertex and a face. Constraints move `N` of their particles: the vertex,
 /// the face, the first edge, or any of all four.
 #[derive(Debug)]
+#[repr(C, align(32))]
 pub(in crate::kernel::xpbd) struct FeatureBlock<const ARE_EDGES: bool, const N: usize> {
     places: [Places; 4],
     /// From one particle to each of the others, at the beginning of the tick.
@@ -131,6 +132,7 @@ impl<const ARE_EDGES: bool, const N: usize> ContactBlock<N> for FeatureBlock<ARE
 
 /// Eight contacts with fixed planes.
 #[derive(Debug)]
+#[repr(C, align(32))]
 pub(in crate::kernel::xpbd) struct PlaneBlock<const N: usize> {
     places: [Places; N],
     weights: [[f32; WIDTH]; N],
