@@ -69,7 +69,7 @@
 //!
 //! If the `Transform` of a body or of one of its parents moves, the body keeps its place in the world, because it has
 //! inertia. Its pinned vertices move with the transform. Insert [`Teleported`](crate::Teleported) to move the whole
-//! body.
+//! body. Pins and targets of tethers that jump take the body along: see [`XpbdDiagnostics::carried`].
 //!
 //! # Another solver
 //!
@@ -218,7 +218,15 @@ impl Plugin for XpbdResponsePlugin {
         app.add_systems(
             self.schedule,
             (
-                (sleep::wake_changed, motion::begin, tethers::aim_tethers, margins::choose_margins, respond::aim)
+                (
+                    sleep::wake_changed,
+                    motion::begin,
+                    tethers::aim_tethers,
+                    motion::carry,
+                    motion::plan,
+                    margins::choose_margins,
+                    respond::aim,
+                )
                     .chain()
                     .in_set(DeformableSystems::Predict),
                 motion::rewind.in_set(DeformableSystems::Detect).before(run_detection),

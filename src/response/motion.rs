@@ -3,9 +3,10 @@
 //!
 //! The game has written where these are at the end of the tick. Detection and solver see them where the last tick left
 //! them, like the bodies, and they move to their ends while the solver steps. If one of them moves farther than an edge
-//! near a body, the tick is split into parts with a detection each.
+//! near a body, the tick is split into parts with a detection each. If what holds a body has jumped, the body comes along.
 
 mod course;
+mod jump;
 mod rigid;
 
 use std::sync::Arc;
@@ -18,6 +19,7 @@ use bevy_ecs::{
 use bevy_time::Time;
 use glam::{DVec3, Vec3};
 
+pub(super) use self::jump::carry;
 use self::{
     course::{Course, Region, Stand, Track},
     rigid::{Masses, Pushed},
@@ -60,6 +62,9 @@ pub(super) struct Motions {
     approached: Vec<Entity>,
     /// Rigid bodies that contacts push, in the order of their shapes.
     pushed: EntityIndexMap<Pushed>,
+    /// Bodies that are carried along in this tick because what holds them has jumped, and these jumps.
+    carried: Vec<Entity>,
+    jumps: Vec<Pose>,
     /// Rigid bodies whose masses cannot be used. The log has warned of them.
     massless: EntityHashSet,
 }
@@ -106,6 +111,11 @@ impl Motions {
         self.courses.get(&entity).filter(|course| course.is_of_pins).map(|course| &*course.to.positions)
     }
 
+    /// Bodies that are carried along in this tick because what holds them has jumped.
+    pub(super) fn carried(&self) -> &[Entity] {
+        &self.carried
+    }
+
     pub(super) fn is_last_part(&self) -> bool {
         self.part + 1 >= self.parts()
     }
@@ -150,6 +160,8 @@ impl Motions {
         self.courses.clear();
         self.approached.clear();
         self.pushed.clear();
+        self.carried.clear();
+        self.jumps.clear();
         (self.parts, self.part, self.longest) = (1, 0, 0.0);
     }
 
@@ -233,12 +245,8 @@ pub(super) fn begin(
         return;
     }
     motions.tick += 1;
-    let mut bodies = Vec::new();
     for surface in &active.surfaces {
-        let Ok((mut positions, body, mesh)) = surfaces.get_mut(surface.entity) else { continue };
-        let mean_edge = mesh.map_or(0.0, |(mesh, _)| f64::from(mesh.mean_edge()) * surface.pose.scale());
-        let is_asleep = sleep.is_asleep(surface.entity);
-        let mut body = body;
+        let Ok((mut positions, mut body, mesh)) = surfaces.get_mut(surface.entity) else { continue };
         if let Some((body, (mesh, inside))) = body.as_mut().zip(mesh)
             && body.is_of_another(mesh.topology())
             && let Ok(made) = body.with_mesh(mesh, inside, &positions, &surface.pose)
@@ -246,17 +254,11 @@ pub(super) fn begin(
             **body = made;
         }
         match body {
-            Some(mut body) if !is_asleep && body.check(&surface.topology, positions.0.len()).is_ok() => {
+            Some(mut body) if can_move(surface, &positions, &body, &sleep) => {
                 let pins = keep_in_the_world(surface, &mut positions, &mut body);
                 motions.courses.extend(pins.map(|course| (surface.entity, course)));
-                bodies.push(reach_of(surface, &positions.0, &body, mean_edge, duration));
             }
-            other => {
-                if let Some(body) = other.filter(|_| is_asleep) {
-                    // What comes near it wakes it.
-                    let reach = reach_of(surface, &positions.0, &body, mean_edge, duration);
-                    bodies.push(Reach { is_asleep, ..reach });
-                }
+            _ => {
                 let changed = positions.last_changed();
                 let mesh = (&surface.topology, &*positions.0, changed);
                 let is_pushed = surface.rigid && motions.weigh(surface.entity, &surface.pose, &masses);
@@ -270,6 +272,34 @@ pub(super) fn begin(
     }
     let tick = motions.tick;
     motions.traces.retain(|_, trace| trace.tick == tick);
+}
+
+/// Whether the solver moves a body.
+fn can_move(surface: &ActiveSurface, positions: &SurfacePositions, body: &XpbdBody, sleep: &Sleep) -> bool {
+    !sleep.is_asleep(surface.entity) && body.check(&surface.topology, positions.0.len()).is_ok()
+}
+
+/// Drops trajectories that come near no body, and decides how many parts the tick needs.
+pub(super) fn plan(
+    time: Option<Res<Time>>,
+    active: Res<ActiveSurfaces>,
+    sleep: Res<Sleep>,
+    mut motions: ResMut<Motions>,
+    bodies: Query<(&SurfacePositions, &XpbdBody, Option<&DeformableSurface>)>,
+) {
+    let duration = time.map_or(0.0, |time| time.delta_secs_f64());
+    if duration <= 0.0 {
+        return;
+    }
+    let bodies = active.surfaces.iter().filter_map(|surface| {
+        let (positions, body, mesh) = bodies.get(surface.entity).ok()?;
+        let is_asleep = sleep.is_asleep(surface.entity);
+        let mean_edge = mesh.map_or(0.0, |mesh| f64::from(mesh.mean_edge()) * surface.pose.scale());
+        // What comes near a sleeping body wakes it.
+        (is_asleep || can_move(surface, positions, body, &sleep))
+            .then(|| Reach { is_asleep, ..reach_of(surface, &positions.0, body, mean_edge, duration) })
+    });
+    let bodies: Vec<Reach> = bodies.collect();
     if bodies.is_empty() {
         motions.courses.clear();
     }

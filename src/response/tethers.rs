@@ -19,6 +19,7 @@ use crate::{
             ids::{TriangleId, VertexId},
             side::{closest_feature, face_normal},
         },
+        pose::Pose,
         xpbd::Tethered,
     },
     surface::{ActiveSurface, ActiveSurfaces, SurfacePositions, Transforms},
@@ -195,6 +196,21 @@ impl XpbdTethers {
         let is_moving = |[from, to]: &[Place; 2]| from.at != to.at || from.normal != to.normal;
         let ways = || self.ways.iter().flatten();
         (!ways().any(is_moving)).then(|| ways().count())
+    }
+
+    /// The vertices that are pinned to targets, or only tethered, with where the target of each was at the end of the last
+    /// tick, and is now.
+    pub(super) fn ends(&self, are_pinned: bool) -> impl Iterator<Item = (usize, [DVec3; 2])> {
+        let ways = self.ways.iter().flatten().filter(move |[_, now]| (now.tether.longest <= 0.0) == are_pinned);
+        ways.map(|way| (way[1].tether.vertex.index(), way.map(|place| place.at)))
+    }
+
+    /// Lets all targets begin where a jump has brought them.
+    pub(super) fn carry(&mut self, jump: &Pose) {
+        for [before, _] in self.ways.iter_mut().flatten() {
+            before.at = jump.transform_point(before.at);
+            before.normal = jump.transform_direction(before.normal);
+        }
     }
 
     /// The tethers in a part of a tick that begins and ends at these shares of it, of vertices that have a particle.

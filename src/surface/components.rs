@@ -323,7 +323,8 @@ pub struct SurfaceDisabled;
 ///
 /// With [`XpbdResponsePlugin`](crate::response::XpbdResponsePlugin), a body follows its transform, including free
 /// vertices, instead of keeping its place in the world. Anything else jumps to where the game has put it, without
-/// sweeping the way.
+/// sweeping the way. What its pins or tethers hold is [carried along](crate::response::XpbdDiagnostics::carried), also
+/// without this component.
 #[derive(Component, Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "reflect", derive(Reflect), reflect(Component, Clone, Debug, Default, PartialEq))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]

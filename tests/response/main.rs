@@ -5,6 +5,7 @@ mod forces;
 mod harness;
 mod holds;
 mod inside;
+mod jump;
 mod motion;
 mod rest;
 mod rigid_mass;

@@ -1,0 +1,215 @@
+//! Carries bodies along when what holds them jumps: a character that is set back to its start, and wears cloth.
+//!
+//! A jump that the game has not marked with [`Teleported`](crate::Teleported) looks like a motion of kilometers a second.
+//! To sweep it would take seconds, and would drag the cloth through itself. Instead, the body, and whatever else has made
+//! the same jump, begins the tick where the jump has brought it.
+
+use bevy_ecs::prelude::*;
+use bevy_time::Time;
+use glam::{DAffine3, DMat3, DQuat, DVec3};
+
+use super::{MOST_PARTS, Motions, Region, course::Course};
+use crate::{
+    kernel::pose::Pose,
+    response::{body::XpbdBody, tethers::XpbdTethers},
+    surface::{ActiveSurface, ActiveSurfaces, DeformableSurface, SurfacePositions},
+};
+
+/// What holds a body has jumped if it moves by more than this share of the body's size in a tick, relative to the body, and
+/// farther than the parts of a tick can follow. The body itself could not have moved so without being torn.
+const JUMP: f64 = 0.25;
+
+/// Rounds in which the rotation of a jump is found, from each guess.
+const ROUNDS: usize = 32;
+
+/// Decides which bodies are carried along in this tick.
+pub(in crate::response) fn carry(
+    time: Option<Res<Time>>,
+    mut active: ResMut<ActiveSurfaces>,
+    mut motions: ResMut<Motions>,
+    mut bodies: Query<(&mut SurfacePositions, &mut XpbdBody, &DeformableSurface, Option<&mut XpbdTethers>)>,
+) {
+    let duration = time.map_or(0.0, |time| time.delta_secs_f64());
+    if duration <= 0.0 {
+        return;
+    }
+    let motions = &mut *motions;
+    for surface in &mut active.surfaces {
+        let Ok((mut positions, mut body, mesh, mut tethers)) = bodies.get_mut(surface.entity) else { continue };
+        if surface.fresh || body.check(&surface.topology, positions.0.len()).is_err() {
+            continue;
+        }
+        let pins = motions.courses.get(&surface.entity);
+        let holds = (pins, tethers.as_deref());
+        let Some(ends) = ends_of_holds(surface, &positions, &body, holds, duration) else { continue };
+        let farthest = f64::from(MOST_PARTS) * f64::from(mesh.mean_edge()) * surface.pose.scale();
+        let Some(jump) = jump_of(surface, &positions, &ends, farthest) else { continue };
+        let own = surface.pose.inverse();
+        for (vertex, position) in positions.0.iter_mut().enumerate() {
+            if body.inverse_masses[vertex] > 0.0 || pins.is_some() {
+                let world = surface.pose.transform_point(position.as_dvec3());
+                *position = own.transform_point(jump.transform_point(world)).as_vec3();
+            }
+        }
+        for velocity in &mut body.velocities {
+            *velocity = jump.transform_direction(velocity.as_dvec3()).as_vec3();
+        }
+        if let Some(tethers) = &mut tethers {
+            tethers.bypass_change_detection().carry(&jump);
+        }
+        if let Some(course) = motions.courses.get_mut(&surface.entity) {
+            course.from.pose = jump.after(&course.from.pose);
+        }
+        surface.fresh = true;
+        motions.jumps.push(jump);
+        motions.carried.push(surface.entity);
+    }
+    if motions.jumps.is_empty() {
+        return;
+    }
+    let Motions { courses, jumps, .. } = motions;
+    for surface in &mut active.surfaces {
+        surface.fresh |= follows(courses.get_mut(&surface.entity), jumps);
+    }
+    for shape in &mut active.shapes {
+        shape.fresh |= follows(courses.get_mut(&shape.entity), jumps);
+    }
+}
+
+/// Where everything that holds a body would be at the end of the tick if it went on as before, and where it is. `None` if
+/// nothing of it moves.
+fn ends_of_holds(
+    surface: &ActiveSurface,
+    positions: &SurfacePositions,
+    body: &XpbdBody,
+    (pins, tethers): (Option<&Course>, Option<&XpbdTethers>),
+    duration: f64,
+) -> Option<Vec<[DVec3; 2]>> {
+    if pins.is_none() && tethers.is_none_or(|tethers| tethers.holding().is_some()) {
+        return None;
+    }
+    let pinned = (0..positions.0.len()).filter(|&vertex| body.inverse_masses[vertex] <= 0.0);
+    let pinned = pinned.map(|vertex| match pins {
+        Some(course) => (vertex, [course.from.point(vertex), course.to.point(vertex)]),
+        None => (vertex, [surface.pose.transform_point(positions.0[vertex].as_dvec3()); 2]),
+    });
+    let along = |(vertex, [start, end]): (usize, [DVec3; 2])| {
+        Some([start + body.velocities.get(vertex)?.as_dvec3() * duration, end])
+    };
+    let tethers_of = |are_pinned| tethers.into_iter().flat_map(move |tethers| tethers.ends(are_pinned));
+    let mut ends: Vec<[DVec3; 2]> = pinned.chain(tethers_of(true)).filter_map(along).collect();
+    if ends.is_empty() {
+        // These vertices do not move as their targets do, but do so on average.
+        ends.extend(tethers_of(false).filter_map(along));
+    }
+    Some(ends)
+}
+
+/// The motion of what holds a body, if it is a jump: rigid, and too far for the body to follow.
+fn jump_of(surface: &ActiveSurface, positions: &SurfacePositions, ends: &[[DVec3; 2]], farthest: f64) -> Option<Pose> {
+    let spread = |way: &dyn Fn(DVec3) -> DVec3| {
+        let squares: f64 = ends.iter().map(|[start, end]| end.distance_squared(way(*start))).sum();
+        (squares / ends.len().max(1) as f64).sqrt()
+    };
+    let way = spread(&|start| start);
+    if way <= farthest {
+        return None;
+    }
+    let Region { low, high } =
+        Region::around(positions.0.iter().map(|position| surface.pose.transform_point(position.as_dvec3())));
+    if way <= JUMP * low.distance(high) {
+        return None;
+    }
+    let jump = rigid_motion(ends);
+    let left = spread(&|start| jump.transform_point3(start));
+    // What is stretched or torn apart has not jumped.
+    (left < 0.5 * way).then(|| Pose::from_double_affine(&jump).ok()).flatten()
+}
+
+/// Lets the course of something that has made one of the jumps begin behind it. Returns whether it has.
+fn follows(course: Option<&mut Course>, jumps: &[Pose]) -> bool {
+    let Some(course) = course.filter(|course| !course.is_of_pins) else { return false };
+    let Course { from, to, .. } = &*course;
+    let farthest = |jump: &Pose| {
+        let begin = jump.after(&from.pose);
+        let distance = |[start, end]: [DVec3; 2]| begin.transform_point(start).distance(to.pose.transform_point(end));
+        let vertices = from.positions.iter().zip(&to.positions);
+        let vertices = vertices.map(|(start, end)| distance([start, end].map(|point| point.as_dvec3())));
+        // A shape without vertices is where its frame is.
+        let axes = [DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::Z].into_iter().filter(|_| from.positions.is_empty());
+        vertices.chain(axes.map(|point| distance([point; 2]))).fold(0.0, f64::max)
+    };
+    let stays = farthest(&Pose::default());
+    let nearest = jumps.iter().map(|jump| (farthest(jump), jump)).min_by(|(one, _), (other, _)| one.total_cmp(other));
+    let Some((_, jump)) = nearest.filter(|(left, _)| *left < 0.5 * stays) else { return false };
+    course.from.pose = jump.after(&course.from.pose);
+    true
+}
+
+/// The rigid motion that brings all starts as near to their ends as possible (M. Müller et al. 2016, "A Robust Method to
+/// Extract the Rotational Part of Deformations", from several guesses, because a guess that is off by half a turn stays
+/// there).
+fn rigid_motion(ends: &[[DVec3; 2]]) -> DAffine3 {
+    let count = ends.len().max(1) as f64;
+    let [from, to] = [0, 1].map(|end| ends.iter().map(|ends| ends[end]).sum::<DVec3>() / count);
+    let spread = ends.iter().fold(DMat3::ZERO, |sum, [start, end]| {
+        let (start, end) = (*start - from, *end - to);
+        sum + DMat3::from_cols(end * start.x, end * start.y, end * start.z)
+    });
+    let agreement = |rotation: &DMat3| (0..3).map(|column| rotation.col(column).dot(spread.col(column))).sum::<f64>();
+    let turned = |guess: DQuat| {
+        let mut turn = guess;
+        for _ in 0..ROUNDS {
+            let rotation = DMat3::from_quat(turn);
+            let across: DVec3 = (0..3).map(|column| rotation.col(column).cross(spread.col(column))).sum();
+            let step = across / (agreement(&rotation).abs() + f64::MIN_POSITIVE);
+            let angle = step.length();
+            if !(angle.is_finite() && angle > 1.0e-9) {
+                break;
+            }
+            turn = (DQuat::from_axis_angle(step / angle, angle) * turn).normalize();
+        }
+        DMat3::from_quat(turn)
+    };
+    let half_turns = [DVec3::X, DVec3::Y, DVec3::Z].map(|axis| DQuat::from_xyzw(axis.x, axis.y, axis.z, 0.0));
+    let guesses = [DQuat::IDENTITY].into_iter().chain(half_turns).map(turned);
+    let best = guesses.max_by(|one, other| agreement(one).total_cmp(&agreement(other))).unwrap_or_default();
+    DAffine3 { matrix3: best, translation: to - best * from }
+}
+
+#[cfg(test)]
+mod tests {
+    use circumsphere_support::random::Random;
+
+    use super::*;
+
+    #[test]
+    fn a_rigid_motion_is_found_whatever_its_angle() {
+        let mut random = Random::new(5);
+        let mut vector = || DVec3::from_array(std::array::from_fn(|_| f64::from(random.signed_unit())));
+        for angle in [0.0, 1.0e-6, 0.3, 1.6, 2.5, 3.1, core::f64::consts::PI] {
+            for _ in 0..20 {
+                let rotation = DMat3::from_axis_angle(vector().normalize_or(DVec3::Y), angle);
+                let motion = DAffine3 { matrix3: rotation, translation: 100.0 * vector() };
+                let ends: Vec<[DVec3; 2]> = (0..30)
+                    .map(|_| {
+                        let start = vector() * DVec3::new(0.2, 0.1, 0.3) + 7.0;
+                        [start, motion.transform_point3(start)]
+                    })
+                    .collect();
+                let found = rigid_motion(&ends);
+                for [start, end] in ends {
+                    let off = found.transform_point3(start).distance(end);
+                    assert!(off < 1.0e-6, "an angle of {angle}: off by {off}");
+                }
+            }
+        }
+    }
+
+    /// Two points do not say how the rest turns about the line between them: it does not.
+    #[test]
+    fn what_two_points_hold_does_not_turn_more_than_they_do() {
+        let found = rigid_motion(&[[DVec3::ZERO, DVec3::Y * 50.0], [DVec3::X, DVec3::new(1.0, 50.0, 0.0)]]);
+        assert!(found.transform_point3(DVec3::Z).distance(DVec3::new(0.0, 50.0, 1.0)) < 1.0e-9, "{found:?}");
+    }
+}

@@ -1,0 +1,207 @@
+//! What a character wears comes along when it jumps and the game has not marked that. The truth is the same walk without
+//! the jump: the laws of motion are the same elsewhere and in any direction on the level.
+
+use bevy_circumsphere::{prelude::*, response::*};
+use bevy_ecs::prelude::*;
+use bevy_transform::components::Transform;
+use circumsphere_support::scenes::{
+    CHARACTER_LEG, CHARACTER_SPEEDS, CHARACTER_TORSO, Character, CharacterFineness, character_skirt,
+    character_waist_vertices, cloth, cloth_corners,
+};
+use glam::{DAffine3, DMat3, DVec3, Quat, Vec3};
+
+use crate::{
+    harness::{Scene, TICK, mean},
+    truth::{Closed, doubles},
+};
+
+/// Mean distances, in meters. Positions of 100 m are rounded by 4e-6 m, so folds of a free hem differ in time.
+const OFF_AT_ONCE: f64 = 0.001;
+const OFF_LATER: f64 = 0.01;
+
+#[derive(Clone, Copy, PartialEq)]
+enum Holds {
+    /// Tethers to a skin.
+    Tethers,
+    /// Pinned vertices that the game moves, beside a skin.
+    Pins,
+    /// The same, beside capsules that the game moves by their transforms.
+    PinsAndCapsules,
+}
+
+struct Worn {
+    scene: Scene,
+    character: Character,
+    body: Vec<Entity>,
+    skirt: Entity,
+    waist: Vec<[f32; 3]>,
+    holds: Holds,
+}
+
+impl Worn {
+    fn new(holds: Holds, speed: f64) -> Self {
+        let character = Character::new(CharacterFineness::Coarse, speed);
+        let mut scene = Scene::new();
+        let body = if holds == Holds::PinsAndCapsules {
+            let capsules = [CHARACTER_TORSO, CHARACTER_LEG].map(|(low, high, radius)| {
+                let shape = SharedShape::capsule(Vec3::from(low), Vec3::from(high), radius);
+                scene.app.world_mut().spawn(RigidShape(shape)).id()
+            });
+            capsules.to_vec()
+        } else {
+            vec![scene.add_obstacle(character.rest(), SurfaceFrame::World)]
+        };
+        let (rings, segments) = (14, 36);
+        let mesh = character_skirt(rings, segments);
+        let waist = character_waist_vertices(segments);
+        let pins: Vec<VertexId> = waist.clone().map(|vertex| VertexId(vertex as u32)).collect();
+        let extra = (SelfCollision, SweptCollision);
+        let skirt = if holds == Holds::Tethers {
+            let points = |positions: &[[f32; 3]]| positions.iter().copied().map(Vec3::from).collect::<Vec<_>>();
+            let skin = (&*points(&character.rest().positions), &*character.rest().triangles);
+            let mut tethers = XpbdTethers::to_surface(body[0], skin, &points(&mesh.positions), 0.4, 0.004);
+            for tether in tethers.tethers.iter_mut().filter(|tether| pins.contains(&tether.vertex)) {
+                (tether.longest, tether.backstop) = (0.0, f32::INFINITY);
+            }
+            scene.add(&mesh, XpbdMaterial::CLOTH, (extra, tethers))
+        } else {
+            scene.add_changed(&mesh, XpbdMaterial::CLOTH, |body| body.pinned(pins), extra)
+        };
+        let waist = mesh.positions[waist].to_vec();
+        Self { scene, character, body, skirt, waist, holds }
+    }
+
+    /// Plays a tick with the character as it is at a time, moved by `moved`.
+    fn tick(&mut self, number: usize, moved: &DAffine3) {
+        let time = number as f64 * TICK;
+        let place = |points: Vec<[f32; 3]>| -> Vec<Vec3> {
+            points.into_iter().map(|point| moved.transform_point3(Vec3::from(point).as_dvec3()).as_vec3()).collect()
+        };
+        let Self { scene, character, body, skirt, waist, holds } = self;
+        if *holds != Holds::Tethers {
+            let pins = place(character.follow_torso(time, waist));
+            let mut positions = scene.app.world_mut().get_mut::<SurfacePositions>(*skirt).unwrap();
+            positions.0[..pins.len()].copy_from_slice(&pins);
+        }
+        if *holds == Holds::PinsAndCapsules {
+            for (&shape, (translation, rotation)) in
+                body.iter().zip([character.torso_pose(time), character.leg_pose(time)])
+            {
+                let rotation = Quat::from_mat3(&moved.matrix3.as_mat3()) * Quat::from_array(rotation).normalize();
+                let translation = moved.transform_point3(Vec3::from(translation).as_dvec3()).as_vec3();
+                let transform = Transform::from_translation(translation).with_rotation(rotation.normalize());
+                scene.app.world_mut().entity_mut(shape).insert(transform);
+            }
+        } else {
+            scene.app.world_mut().get_mut::<SurfacePositions>(body[0]).unwrap().0 = place(character.positions(time));
+        }
+        scene.tick(TICK);
+    }
+}
+
+const JUMPS: [(f64, DVec3); 5] = [
+    (0.0, DVec3::new(100.0, 0.0, 0.0)),
+    (0.0, DVec3::new(0.0, 3.0, -2.0)),
+    (2.0, DVec3::new(0.0, 0.0, 20.0)),
+    (core::f64::consts::PI, DVec3::new(1.0, 0.0, 1.0)),
+    (0.0, DVec3::new(0.7, 0.0, 0.0)),
+];
+
+/// Before and after the jump, in ticks.
+const BEFORE: usize = 40;
+const AFTER: usize = 40;
+
+fn jumps(holds: Holds) {
+    for (angle, way) in JUMPS {
+        let [mut stays, mut jumps] = [(); 2].map(|()| Worn::new(holds, CHARACTER_SPEEDS[1]));
+        let jump = DAffine3 { matrix3: DMat3::from_rotation_y(angle), translation: way };
+        for number in 0..BEFORE + AFTER {
+            stays.tick(number, &DAffine3::IDENTITY);
+            jumps.tick(number, if number < BEFORE { &DAffine3::IDENTITY } else { &jump });
+            let name = format!("{angle} and {way}, tick {number}");
+            let diagnostics = jumps.scene.diagnostics();
+            let carried: &[Entity] = if number == BEFORE { &[jumps.skirt] } else { &[] };
+            assert_eq!(diagnostics.carried, carried, "{name}");
+            if number < BEFORE {
+                continue;
+            }
+            assert!(diagnostics.parts <= stays.scene.diagnostics().parts.max(2), "{name}: {}", diagnostics.parts);
+            let [expected, found] = [&stays, &jumps].map(|worn| doubles(worn.scene.positions(worn.skirt)));
+            let off = expected.iter().zip(&found).map(|(at, found)| jump.transform_point3(*at).distance(*found));
+            let off: Vec<f64> = off.collect();
+            let farthest = off.iter().copied().fold(0.0, f64::max);
+            let off = off.iter().sum::<f64>() / off.len() as f64;
+            println!("{name}: off by {off}, at most {farthest}");
+            let most = if number == BEFORE { OFF_AT_ONCE } else { OFF_LATER };
+            assert!(off < most, "{name}: off by {off}");
+            if holds != Holds::PinsAndCapsules {
+                let skin = doubles(jumps.scene.positions(jumps.body[0]));
+                let closed = Closed::new(skin, jumps.character.rest().triangles.clone());
+                assert!(!found.iter().any(|&at| closed.contains(at)), "{name}: inside");
+            }
+        }
+    }
+}
+
+#[test]
+fn a_tethered_skirt_comes_along_when_its_wearer_jumps() {
+    jumps(Holds::Tethers);
+}
+
+#[test]
+fn a_pinned_skirt_comes_along_when_its_wearer_jumps() {
+    jumps(Holds::Pins);
+}
+
+#[test]
+fn a_pinned_skirt_comes_along_when_capsules_jump_with_it() {
+    jumps(Holds::PinsAndCapsules);
+}
+
+/// Who jumps through a curtain has not walked through it.
+#[test]
+fn what_hangs_between_is_not_touched() {
+    let mut worn = Worn::new(Holds::Tethers, CHARACTER_SPEEDS[0]);
+    let mut sheet = cloth(21, 0.05);
+    for position in &mut sheet.positions {
+        *position = [5.0, position[0] + 0.5, position[2]];
+    }
+    let top = sheet.positions.iter().map(|position| position[1]).fold(f32::MIN, f32::max);
+    let pins = (0..)
+        .zip(&sheet.positions)
+        .filter(|(_, position)| position[1] > top - 0.01)
+        .map(|(vertex, _)| VertexId(vertex));
+    let pins: Vec<VertexId> = pins.collect();
+    assert_eq!(pins.len(), 21);
+    let curtain = worn.scene.add_changed(&sheet, XpbdMaterial::CLOTH, |body| body.pinned(pins), SweptCollision);
+    let jump = DAffine3::from_translation(DVec3::X * 10.0);
+    for number in 0..BEFORE {
+        worn.tick(number, if number < 30 { &DAffine3::IDENTITY } else { &jump });
+        let moved = worn.scene.positions(curtain).iter().zip(&sheet.positions);
+        let moved = moved.map(|(at, start)| at.distance(Vec3::from(*start))).fold(0.0, f32::max);
+        assert!(moved < 0.02, "tick {number}: {moved}");
+    }
+}
+
+/// A start at ten meters a second and a pull at one corner are motions, and the cloth has to cope with them.
+#[test]
+fn fast_starts_and_torn_corners_are_no_jumps() {
+    let sheet = cloth(21, 0.05);
+    let [corner, other, ..] = cloth_corners(21);
+    for (pulls, way) in [(vec![corner, other], Vec3::X * 10.0 * TICK as f32), (vec![corner], Vec3::NEG_X * 2.0)] {
+        let mut scene = Scene::new();
+        let pins = [corner, other].map(|vertex| VertexId(vertex as u32));
+        let flag = scene.add_changed(&sheet, XpbdMaterial::CLOTH, |body| body.pinned(pins), SweptCollision);
+        scene.run(10);
+        let before = scene.positions(flag).to_vec();
+        {
+            let mut positions = scene.app.world_mut().get_mut::<SurfacePositions>(flag).unwrap();
+            pulls.iter().for_each(|&vertex| positions.0[vertex] += way);
+        }
+        scene.tick(TICK);
+        assert!(scene.diagnostics().carried.is_empty(), "{pulls:?}");
+        let moved = scene.positions(flag).iter().zip(&before).map(|(at, before)| *at - *before);
+        let moved = mean(&moved.collect::<Vec<_>>()).length();
+        assert!(pulls.len() == 1 || moved < 0.5 * f64::from(way.length()), "{pulls:?}: {moved}");
+    }
+}
