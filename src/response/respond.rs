@@ -41,8 +41,8 @@ use crate::{
 #[cfg_attr(feature = "reflect", derive(Reflect), reflect(Resource, Clone, Debug, Default))]
 pub struct XpbdDiagnostics {
     /// Bodies that were carried along, because their pins or the targets of their tethers have jumped without
-    /// [`Teleported`](crate::Teleported): rigidly, and farther than a quarter of the body's size and than 8 of its mean
-    /// edges, relative to where their velocities would have brought them. Their contacts of earlier ticks are forgotten.
+    /// [`Teleported`](crate::Teleported): rigidly, and farther than in the tick before, by more than a quarter of the body's
+    /// size and more than 8 of its mean edges. Their contacts of earlier ticks are forgotten.
     pub carried: Vec<Entity>,
     /// Number of parts that the tick was split into, each with its own detection, from 1 to 8. More than 1 if a
     /// kinematic surface or shape near a body moves farther than the body's mean edge, relative to the body.

@@ -15,12 +15,23 @@ use crate::{
     surface::{ActiveSurface, ActiveSurfaces, DeformableSurface, SurfacePositions},
 };
 
-/// What holds a body has jumped if it moves by more than this share of the body's size in a tick, relative to the body, and
-/// farther than the parts of a tick can follow. The body itself could not have moved so without being torn.
+/// What holds a body has jumped if it moves farther in a tick than it did before, by more than this share of the body's size,
+/// and by more than the parts of a tick can follow. What stops at once has not jumped.
 const JUMP: f64 = 0.25;
 
 /// Rounds in which the rotation of a jump is found, from each guess.
 const ROUNDS: usize = 32;
+
+/// A later guess is taken if it fits better by this share. What lies on a line fits turned about it as well.
+const BETTER: f64 = 1.0e-6;
+
+/// What holds a body: where it was, where it would be now if it went on as before, and where it is.
+#[derive(Clone, Copy)]
+struct Hold {
+    start: DVec3,
+    along: DVec3,
+    end: DVec3,
+}
 
 /// Decides which bodies are carried along in this tick.
 pub(in crate::response) fn carry(
@@ -40,10 +51,9 @@ pub(in crate::response) fn carry(
             continue;
         }
         let pins = motions.courses.get(&surface.entity);
-        let holds = (pins, tethers.as_deref());
-        let Some(ends) = ends_of_holds(surface, &positions, &body, holds, duration) else { continue };
+        let holds = holds_of(surface, &positions, &body, (pins, tethers.as_deref()), duration);
         let farthest = f64::from(MOST_PARTS) * f64::from(mesh.mean_edge()) * surface.pose.scale();
-        let Some(jump) = jump_of(surface, &positions, &ends, farthest) else { continue };
+        let Some(jump) = holds.and_then(|holds| jump_of(surface, &positions, &holds, farthest)) else { continue };
         let own = surface.pose.inverse();
         for (vertex, position) in positions.0.iter_mut().enumerate() {
             if body.inverse_masses[vertex] > 0.0 || pins.is_some() {
@@ -76,15 +86,14 @@ pub(in crate::response) fn carry(
     }
 }
 
-/// Where everything that holds a body would be at the end of the tick if it went on as before, and where it is. `None` if
-/// nothing of it moves.
-fn ends_of_holds(
+/// What holds a body. `None` if nothing of it moves.
+fn holds_of(
     surface: &ActiveSurface,
     positions: &SurfacePositions,
     body: &XpbdBody,
     (pins, tethers): (Option<&Course>, Option<&XpbdTethers>),
     duration: f64,
-) -> Option<Vec<[DVec3; 2]>> {
+) -> Option<Vec<Hold>> {
     if pins.is_none() && tethers.is_none_or(|tethers| tethers.holding().is_some()) {
         return None;
     }
@@ -93,35 +102,36 @@ fn ends_of_holds(
         Some(course) => (vertex, [course.from.point(vertex), course.to.point(vertex)]),
         None => (vertex, [surface.pose.transform_point(positions.0[vertex].as_dvec3()); 2]),
     });
-    let along = |(vertex, [start, end]): (usize, [DVec3; 2])| {
-        Some([start + body.velocities.get(vertex)?.as_dvec3() * duration, end])
+    let hold = |(vertex, [start, end]): (usize, [DVec3; 2])| {
+        Some(Hold { start, along: start + body.velocities.get(vertex)?.as_dvec3() * duration, end })
     };
     let tethers_of = |are_pinned| tethers.into_iter().flat_map(move |tethers| tethers.ends(are_pinned));
-    let mut ends: Vec<[DVec3; 2]> = pinned.chain(tethers_of(true)).filter_map(along).collect();
-    if ends.is_empty() {
+    let mut holds: Vec<Hold> = pinned.chain(tethers_of(true)).filter_map(hold).collect();
+    if holds.is_empty() {
         // These vertices do not move as their targets do, but do so on average.
-        ends.extend(tethers_of(false).filter_map(along));
+        holds.extend(tethers_of(false).filter_map(hold));
     }
-    Some(ends)
+    Some(holds)
 }
 
-/// The motion of what holds a body, if it is a jump: rigid, and too far for the body to follow.
-fn jump_of(surface: &ActiveSurface, positions: &SurfacePositions, ends: &[[DVec3; 2]], farthest: f64) -> Option<Pose> {
-    let spread = |way: &dyn Fn(DVec3) -> DVec3| {
-        let squares: f64 = ends.iter().map(|[start, end]| end.distance_squared(way(*start))).sum();
-        (squares / ends.len().max(1) as f64).sqrt()
+/// The motion of what holds a body, less that of before, if it is a jump: rigid, and too far for the body to follow.
+fn jump_of(surface: &ActiveSurface, positions: &SurfacePositions, holds: &[Hold], farthest: f64) -> Option<Pose> {
+    let spread = |way: &dyn Fn(&Hold) -> DVec3| {
+        let squares: f64 = holds.iter().map(|hold| way(hold).length_squared()).sum();
+        (squares / holds.len().max(1) as f64).sqrt()
     };
-    let way = spread(&|start| start);
-    if way <= farthest {
+    let way = spread(&|hold| hold.end - hold.start);
+    let farther = way - spread(&|hold| hold.along - hold.start);
+    if farther <= farthest {
         return None;
     }
     let Region { low, high } =
         Region::around(positions.0.iter().map(|position| surface.pose.transform_point(position.as_dvec3())));
-    if way <= JUMP * low.distance(high) {
+    if farther <= JUMP * low.distance(high) {
         return None;
     }
-    let jump = rigid_motion(ends);
-    let left = spread(&|start| jump.transform_point3(start));
+    let jump = rigid_motion(holds);
+    let left = spread(&|hold| hold.end - jump.transform_point3(hold.along));
     // What is stretched or torn apart has not jumped.
     (left < 0.5 * way).then(|| Pose::from_double_affine(&jump).ok()).flatten()
 }
@@ -146,15 +156,16 @@ fn follows(course: Option<&mut Course>, jumps: &[Pose]) -> bool {
     true
 }
 
-/// The rigid motion that brings all starts as near to their ends as possible (M. Müller et al. 2016, "A Robust Method to
+/// The rigid motion that brings what holds a body as near to where it is as possible (M. Müller et al. 2016, "A Robust Method to
 /// Extract the Rotational Part of Deformations", from several guesses, because a guess that is off by half a turn stays
 /// there).
-fn rigid_motion(ends: &[[DVec3; 2]]) -> DAffine3 {
-    let count = ends.len().max(1) as f64;
-    let [from, to] = [0, 1].map(|end| ends.iter().map(|ends| ends[end]).sum::<DVec3>() / count);
-    let spread = ends.iter().fold(DMat3::ZERO, |sum, [start, end]| {
-        let (start, end) = (*start - from, *end - to);
-        sum + DMat3::from_cols(end * start.x, end * start.y, end * start.z)
+fn rigid_motion(holds: &[Hold]) -> DAffine3 {
+    let count = holds.len().max(1) as f64;
+    let from = holds.iter().map(|hold| hold.along).sum::<DVec3>() / count;
+    let to = holds.iter().map(|hold| hold.end).sum::<DVec3>() / count;
+    let spread = holds.iter().fold(DMat3::ZERO, |sum, hold| {
+        let (along, end) = (hold.along - from, hold.end - to);
+        sum + DMat3::from_cols(end * along.x, end * along.y, end * along.z)
     });
     let agreement = |rotation: &DMat3| (0..3).map(|column| rotation.col(column).dot(spread.col(column))).sum::<f64>();
     let turned = |guess: DQuat| {
@@ -172,8 +183,10 @@ fn rigid_motion(ends: &[[DVec3; 2]]) -> DAffine3 {
         DMat3::from_quat(turn)
     };
     let half_turns = [DVec3::X, DVec3::Y, DVec3::Z].map(|axis| DQuat::from_xyzw(axis.x, axis.y, axis.z, 0.0));
-    let guesses = [DQuat::IDENTITY].into_iter().chain(half_turns).map(turned);
-    let best = guesses.max_by(|one, other| agreement(one).total_cmp(&agreement(other))).unwrap_or_default();
+    let best = half_turns.into_iter().fold(turned(DQuat::IDENTITY), |best, guess| {
+        let next = turned(guess);
+        if agreement(&next) > agreement(&best) + BETTER * agreement(&best).abs() { next } else { best }
+    });
     DAffine3 { matrix3: best, translation: to - best * from }
 }
 
@@ -183,6 +196,10 @@ mod tests {
 
     use super::*;
 
+    fn held([along, end]: [DVec3; 2]) -> Hold {
+        Hold { start: along, along, end }
+    }
+
     #[test]
     fn a_rigid_motion_is_found_whatever_its_angle() {
         let mut random = Random::new(5);
@@ -191,25 +208,29 @@ mod tests {
             for _ in 0..20 {
                 let rotation = DMat3::from_axis_angle(vector().normalize_or(DVec3::Y), angle);
                 let motion = DAffine3 { matrix3: rotation, translation: 100.0 * vector() };
-                let ends: Vec<[DVec3; 2]> = (0..30)
+                let holds: Vec<Hold> = (0..30)
                     .map(|_| {
-                        let start = vector() * DVec3::new(0.2, 0.1, 0.3) + 7.0;
-                        [start, motion.transform_point3(start)]
+                        let along = vector() * DVec3::new(0.2, 0.1, 0.3) + 7.0;
+                        held([along, motion.transform_point3(along)])
                     })
                     .collect();
-                let found = rigid_motion(&ends);
-                for [start, end] in ends {
-                    let off = found.transform_point3(start).distance(end);
+                let found = rigid_motion(&holds);
+                for Hold { along, end, .. } in holds {
+                    let off = found.transform_point3(along).distance(end);
                     assert!(off < 1.0e-6, "an angle of {angle}: off by {off}");
                 }
             }
         }
     }
 
-    /// Two points do not say how the rest turns about the line between them: it does not.
+    /// One or two points do not say how the rest turns about them: it does not.
     #[test]
-    fn what_two_points_hold_does_not_turn_more_than_they_do() {
-        let found = rigid_motion(&[[DVec3::ZERO, DVec3::Y * 50.0], [DVec3::X, DVec3::new(1.0, 50.0, 0.0)]]);
-        assert!(found.transform_point3(DVec3::Z).distance(DVec3::new(0.0, 50.0, 1.0)) < 1.0e-9, "{found:?}");
+    fn what_few_points_hold_does_not_turn_more_than_they_do() {
+        let [first, second] = [[DVec3::ZERO, DVec3::Y * 50.0], [DVec3::X, DVec3::new(1.0, 50.0, 0.0)]].map(held);
+        for holds in [vec![first], vec![first; 2], vec![first, second]] {
+            let found = rigid_motion(&holds);
+            let off = found.transform_point3(DVec3::Z).distance(DVec3::new(0.0, 50.0, 1.0));
+            assert!(off < 1.0e-9, "{} points: {found:?}", holds.len());
+        }
     }
 }
