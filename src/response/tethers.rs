@@ -200,7 +200,7 @@ impl XpbdTethers {
 
     /// The vertices that are pinned to targets, or only tethered, with where the target of each was at the end of the last
     /// tick, and is now.
-    pub(super) fn ends(&self, are_pinned: bool) -> impl Iterator<Item = (usize, [DVec3; 2])> {
+    pub(super) fn ends(&self, are_pinned: bool) -> impl Iterator<Item = (usize, [DVec3; 2])> + Clone {
         let ways = self.ways.iter().flatten().filter(move |[_, now]| (now.tether.longest <= 0.0) == are_pinned);
         ways.map(|way| (way[1].tether.vertex.index(), way.map(|place| place.at)))
     }

@@ -33,7 +33,7 @@ struct Hold {
     end: DVec3,
 }
 
-/// Decides which bodies are carried along in this tick.
+/// Carries bodies along, with whatever else has made the same jump.
 pub(in crate::response) fn carry(
     time: Option<Res<Time>>,
     mut active: ResMut<ActiveSurfaces>,
@@ -51,9 +51,13 @@ pub(in crate::response) fn carry(
             continue;
         }
         let pins = motions.courses.get(&surface.entity);
-        let holds = holds_of(surface, &positions, &body, (pins, tethers.as_deref()), duration);
+        if pins.is_none() && tethers.as_ref().is_none_or(|tethers| tethers.holding().is_some()) {
+            continue;
+        }
         let farthest = f64::from(MOST_PARTS) * f64::from(mesh.mean_edge()) * surface.pose.scale();
-        let Some(jump) = holds.and_then(|holds| jump_of(surface, &positions, &holds, farthest)) else { continue };
+        let holds = holds_of(surface, &positions, &body, pins, tethers.as_deref(), duration);
+        let jump = jump_of(surface, &positions, holds, farthest);
+        let Some(jump) = jump else { continue };
         let own = surface.pose.inverse();
         for (vertex, position) in positions.0.iter_mut().enumerate() {
             if body.inverse_masses[vertex] > 0.0 || pins.is_some() {
@@ -86,39 +90,40 @@ pub(in crate::response) fn carry(
     }
 }
 
-/// What holds a body. `None` if nothing of it moves.
-fn holds_of(
-    surface: &ActiveSurface,
-    positions: &SurfacePositions,
-    body: &XpbdBody,
-    (pins, tethers): (Option<&Course>, Option<&XpbdTethers>),
+/// What holds a body: what it is pinned by, or else all tethers. Their vertices do not move as their targets do, but do so on
+/// average.
+fn holds_of<'a>(
+    surface: &'a ActiveSurface,
+    positions: &'a SurfacePositions,
+    body: &'a XpbdBody,
+    pins: Option<&'a Course>,
+    tethers: Option<&'a XpbdTethers>,
     duration: f64,
-) -> Option<Vec<Hold>> {
-    if pins.is_none() && tethers.is_none_or(|tethers| tethers.holding().is_some()) {
-        return None;
-    }
+) -> impl Iterator<Item = Hold> + Clone + 'a {
     let pinned = (0..positions.0.len()).filter(|&vertex| body.inverse_masses[vertex] <= 0.0);
-    let pinned = pinned.map(|vertex| match pins {
+    let is_pinned =
+        pinned.clone().next().is_some() || tethers.is_some_and(|tethers| tethers.ends(true).next().is_some());
+    let pinned = pinned.map(move |vertex| match pins {
         Some(course) => (vertex, [course.from.point(vertex), course.to.point(vertex)]),
         None => (vertex, [surface.pose.transform_point(positions.0[vertex].as_dvec3()); 2]),
     });
-    let hold = |(vertex, [start, end]): (usize, [DVec3; 2])| {
+    let tethered = tethers.into_iter().flat_map(move |tethers| tethers.ends(is_pinned));
+    pinned.chain(tethered).filter_map(move |(vertex, [start, end])| {
         Some(Hold { start, along: start + body.velocities.get(vertex)?.as_dvec3() * duration, end })
-    };
-    let tethers_of = |are_pinned| tethers.into_iter().flat_map(move |tethers| tethers.ends(are_pinned));
-    let mut holds: Vec<Hold> = pinned.chain(tethers_of(true)).filter_map(hold).collect();
-    if holds.is_empty() {
-        // These vertices do not move as their targets do, but do so on average.
-        holds.extend(tethers_of(false).filter_map(hold));
-    }
-    Some(holds)
+    })
 }
 
 /// The motion of what holds a body, less that of before, if it is a jump: rigid, and too far for the body to follow.
-fn jump_of(surface: &ActiveSurface, positions: &SurfacePositions, holds: &[Hold], farthest: f64) -> Option<Pose> {
+fn jump_of(
+    surface: &ActiveSurface,
+    positions: &SurfacePositions,
+    holds: impl Iterator<Item = Hold> + Clone,
+    farthest: f64,
+) -> Option<Pose> {
     let spread = |way: &dyn Fn(&Hold) -> DVec3| {
-        let squares: f64 = holds.iter().map(|hold| way(hold).length_squared()).sum();
-        (squares / holds.len().max(1) as f64).sqrt()
+        let add = |(sum, count), hold| (sum + way(&hold).length_squared(), count + 1.0);
+        let (sum, count) = holds.clone().fold((0.0, 0.0_f64), add);
+        (sum / count.max(1.0)).sqrt()
     };
     let way = spread(&|hold| hold.end - hold.start);
     let farther = way - spread(&|hold| hold.along - hold.start);
@@ -130,7 +135,7 @@ fn jump_of(surface: &ActiveSurface, positions: &SurfacePositions, holds: &[Hold]
     if farther <= JUMP * low.distance(high) {
         return None;
     }
-    let jump = rigid_motion(holds);
+    let jump = rigid_motion(&holds.clone().collect::<Vec<_>>());
     let left = spread(&|hold| hold.end - jump.transform_point3(hold.along));
     // What is stretched or torn apart has not jumped.
     (left < 0.5 * way).then(|| Pose::from_double_affine(&jump).ok()).flatten()
