@@ -196,7 +196,9 @@ fn fast_starts_sudden_stops_and_torn_corners_are_no_jumps() {
         for way in ways {
             before = scene.positions(flag).to_vec();
             let mut positions = scene.app.world_mut().get_mut::<SurfacePositions>(flag).unwrap();
-            pulls.iter().for_each(|&vertex| positions.0[vertex] += *way);
+            for &vertex in pulls {
+                positions.0[vertex] += *way;
+            }
             scene.tick(TICK);
             assert!(scene.diagnostics().carried.is_empty(), "{pulls:?} {way}");
         }
