@@ -19,8 +19,9 @@ use crate::{
 /// and by more than the parts of a tick can follow. What stops at once has not jumped.
 const JUMP: f64 = 0.25;
 
-/// Rounds in which the rotation of a jump is found, from each guess.
-const ROUNDS: usize = 32;
+/// Rounds in which the rotation of a jump is found, from each guess. Where points are nearly on a line, each round leaves most of
+/// the angle about it.
+const ROUNDS: usize = 128;
 
 /// A later guess is taken if it fits better by this share. What lies on a line fits turned about it as well.
 const BETTER: f64 = 1.0e-6;
