@@ -62,9 +62,8 @@ pub(super) struct Motions {
     approached: Vec<Entity>,
     /// Rigid bodies that contacts push, in the order of their shapes.
     pushed: EntityIndexMap<Pushed>,
-    /// Bodies that are carried along in this tick because what holds them has jumped, and these jumps.
+    /// Bodies that are carried along in this tick because what holds them has jumped.
     carried: Vec<Entity>,
-    jumps: Vec<Pose>,
     /// Rigid bodies whose masses cannot be used. The log has warned of them.
     massless: EntityHashSet,
 }
@@ -161,7 +160,6 @@ impl Motions {
         self.approached.clear();
         self.pushed.clear();
         self.carried.clear();
-        self.jumps.clear();
         (self.parts, self.part, self.longest) = (1, 0, 0.0);
     }
 

@@ -83,10 +83,10 @@ impl Walk {
 }
 
 /// The number of rings of the skirt, and of segments around it.
-const SKIRT: (usize, usize) = (14, 36);
+pub const SKIRT: (usize, usize) = (14, 36);
 
 /// Adds the skirt, and returns the positions of its pins at the start.
-fn add_skirt(scene: &mut Scene) -> (Entity, Vec<[f32; 3]>) {
+pub fn add_skirt(scene: &mut Scene) -> (Entity, Vec<[f32; 3]>) {
     let (rings, segments) = SKIRT;
     let skirt = character_skirt(rings, segments);
     let waist = skirt.positions[character_waist_vertices(segments)].to_vec();
@@ -133,32 +133,44 @@ fn walk_skinned(fineness: CharacterFineness, speed: f64, rate: f64, is_swept: bo
     walk
 }
 
+/// Torso and leg.
+const CAPSULES: [([f32; 3], [f32; 3], f32); 2] = [CHARACTER_TORSO, CHARACTER_LEG];
+
+/// Adds torso and leg as capsules.
+pub fn add_capsules(scene: &mut Scene) -> [Entity; 2] {
+    CAPSULES.map(|(low, high, radius)| {
+        let shape = SharedShape::capsule(Vec3::from(low), Vec3::from(high), radius);
+        scene.app.world_mut().spawn(RigidShape(shape)).id()
+    })
+}
+
+/// Moves the capsules to these translations and rotations.
+pub fn pose_capsules(scene: &mut Scene, capsules: &[Entity], poses: [([f32; 3], [f32; 4]); 2]) {
+    for (&capsule, (translation, rotation)) in capsules.iter().zip(poses) {
+        let rotation = Quat::from_array(rotation).normalize();
+        let transform = Transform::from_translation(Vec3::from(translation)).with_rotation(rotation);
+        scene.app.world_mut().entity_mut(capsule).insert(transform);
+    }
+}
+
 /// Torso and leg are capsules. Each is an entity that the game moves by its transform.
 fn walk_rigid(speed: f64, rate: f64) -> Walk {
     let character = Character::new(CharacterFineness::Coarse, speed);
     let mut scene = Scene::new();
-    let parts = [CHARACTER_TORSO, CHARACTER_LEG];
-    let shapes = parts.map(|(low, high, radius)| {
-        let shape = SharedShape::capsule(Vec3::from(low), Vec3::from(high), radius);
-        scene.app.world_mut().spawn(RigidShape(shape)).id()
-    });
+    let shapes = add_capsules(&mut scene);
     let (skirt, waist) = add_skirt(&mut scene);
     let mut walk = Walk::default();
     for number in 0..ticks_in(SECONDS, rate) {
         let time = number as f64 / rate;
         let poses = [character.torso_pose(time), character.leg_pose(time)];
-        for (shape, (translation, rotation)) in shapes.into_iter().zip(poses) {
-            let rotation = Quat::from_array(rotation).normalize();
-            let transform = Transform::from_translation(Vec3::from(translation)).with_rotation(rotation);
-            scene.app.world_mut().entity_mut(shape).insert(transform);
-        }
+        pose_capsules(&mut scene, &shapes, poses);
         tick(&mut scene, skirt, &character.follow_torso(time, &waist), rate, &mut walk);
         let places = poses.map(|(translation, rotation)| Place {
             turn: DQuat::from_array(rotation.map(f64::from)).normalize(),
             offset: Vec3::from(translation).as_dvec3(),
         });
         walk.look(number, scene.positions(skirt), |position| {
-            places.iter().zip(parts).any(|(place, (low, high, radius))| {
+            places.iter().zip(CAPSULES).any(|(place, (low, high, radius))| {
                 let [low, high] = [low, high].map(|end| Vec3::from(end).as_dvec3());
                 let own = place.to_own(position) - 0.5 * (low + high);
                 Solid::Capsule(0.5 * low.distance(high), radius.into()).depth(own) > ROUNDING

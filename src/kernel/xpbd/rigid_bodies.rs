@@ -143,7 +143,8 @@ impl RigidBodies {
         !self.pushers.is_empty()
     }
 
-    /// Says that the contact with a number, greater than those before, pushes a body at a point, and whether the body is its first side.
+    /// Says that the contact with a number, greater than those before, pushes a body at a point, and whether the body is its
+    /// first side.
     pub fn push_at(&mut self, number: u32, body: u32, point: DVec3, is_first: bool) {
         self.pushers.resize(number as usize, None);
         let arm = point - self.bodies[body as usize].body.center[0];

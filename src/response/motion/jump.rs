@@ -45,20 +45,18 @@ pub(in crate::response) fn carry(
     if duration <= 0.0 {
         return;
     }
-    let motions = &mut *motions;
+    let Motions { courses, carried, .. } = &mut *motions;
+    let mut jumps = Vec::new();
     for surface in &mut active.surfaces {
         let Ok((mut positions, mut body, mesh, mut tethers)) = bodies.get_mut(surface.entity) else { continue };
-        if surface.fresh || body.check(&surface.topology, positions.0.len()).is_err() {
-            continue;
-        }
-        let pins = motions.courses.get(&surface.entity);
-        if pins.is_none() && tethers.as_ref().is_none_or(|tethers| tethers.holding().is_some()) {
+        let pins = courses.get(&surface.entity);
+        let is_still = pins.is_none() && tethers.as_ref().is_none_or(|tethers| tethers.holding().is_some());
+        if is_still || surface.fresh || body.check(&surface.topology, positions.0.len()).is_err() {
             continue;
         }
         let farthest = f64::from(MOST_PARTS) * f64::from(mesh.mean_edge()) * surface.pose.scale();
         let holds = holds_of(surface, &positions, &body, pins, tethers.as_deref(), duration);
-        let jump = jump_of(surface, &positions, holds, farthest);
-        let Some(jump) = jump else { continue };
+        let Some(jump) = jump_of(surface, &positions, holds, farthest) else { continue };
         let own = surface.pose.inverse();
         for (vertex, position) in positions.0.iter_mut().enumerate() {
             if body.inverse_masses[vertex] > 0.0 || pins.is_some() {
@@ -72,22 +70,21 @@ pub(in crate::response) fn carry(
         if let Some(tethers) = &mut tethers {
             tethers.bypass_change_detection().carry(&jump);
         }
-        if let Some(course) = motions.courses.get_mut(&surface.entity) {
+        if let Some(course) = courses.get_mut(&surface.entity) {
             course.from.pose = jump.after(&course.from.pose);
         }
         surface.fresh = true;
-        motions.jumps.push(jump);
-        motions.carried.push(surface.entity);
+        jumps.push(jump);
+        carried.push(surface.entity);
     }
-    if motions.jumps.is_empty() {
+    if jumps.is_empty() {
         return;
     }
-    let Motions { courses, jumps, .. } = motions;
     for surface in &mut active.surfaces {
-        surface.fresh |= follows(courses.get_mut(&surface.entity), jumps);
+        surface.fresh |= follows(courses.get_mut(&surface.entity), &jumps);
     }
     for shape in &mut active.shapes {
-        shape.fresh |= follows(courses.get_mut(&shape.entity), jumps);
+        shape.fresh |= follows(courses.get_mut(&shape.entity), &jumps);
     }
 }
 
@@ -136,7 +133,7 @@ fn jump_of(
     if farther <= JUMP * low.distance(high) {
         return None;
     }
-    let jump = rigid_motion(&holds.clone().collect::<Vec<_>>());
+    let jump = rigid_motion(holds.clone());
     let left = spread(&|hold| hold.end - jump.transform_point3(hold.along));
     // What is stretched or torn apart has not jumped.
     (left < 0.5 * way).then(|| Pose::from_double_affine(&jump).ok()).flatten()
@@ -165,11 +162,11 @@ fn follows(course: Option<&mut Course>, jumps: &[Pose]) -> bool {
 /// The rigid motion that brings what holds a body as near to where it is as possible (M. Müller et al. 2016, "A Robust Method to
 /// Extract the Rotational Part of Deformations", from several guesses, because a guess that is off by half a turn stays
 /// there).
-fn rigid_motion(holds: &[Hold]) -> DAffine3 {
-    let count = holds.len().max(1) as f64;
-    let from = holds.iter().map(|hold| hold.along).sum::<DVec3>() / count;
-    let to = holds.iter().map(|hold| hold.end).sum::<DVec3>() / count;
-    let spread = holds.iter().fold(DMat3::ZERO, |sum, hold| {
+fn rigid_motion(holds: impl Iterator<Item = Hold> + Clone) -> DAffine3 {
+    let count = holds.clone().count().max(1) as f64;
+    let from = holds.clone().map(|hold| hold.along).sum::<DVec3>() / count;
+    let to = holds.clone().map(|hold| hold.end).sum::<DVec3>() / count;
+    let spread = holds.fold(DMat3::ZERO, |sum, hold| {
         let (along, end) = (hold.along - from, hold.end - to);
         sum + DMat3::from_cols(end * along.x, end * along.y, end * along.z)
     });
@@ -220,7 +217,7 @@ mod tests {
                         held([along, motion.transform_point3(along)])
                     })
                     .collect();
-                let found = rigid_motion(&holds);
+                let found = rigid_motion(holds.iter().copied());
                 for Hold { along, end, .. } in holds {
                     let off = found.transform_point3(along).distance(end);
                     assert!(off < 1.0e-6, "an angle of {angle}: off by {off}");
@@ -234,7 +231,7 @@ mod tests {
     fn what_few_points_hold_does_not_turn_more_than_they_do() {
         let [first, second] = [[DVec3::ZERO, DVec3::Y * 50.0], [DVec3::X, DVec3::new(1.0, 50.0, 0.0)]].map(held);
         for holds in [vec![first], vec![first; 2], vec![first, second]] {
-            let found = rigid_motion(&holds);
+            let found = rigid_motion(holds.iter().copied());
             let off = found.transform_point3(DVec3::Z).distance(DVec3::new(0.0, 50.0, 1.0));
             assert!(off < 1.0e-9, "{} points: {found:?}", holds.len());
         }
