@@ -1,7 +1,7 @@
 //! A sweep of two meshes, distributed over threads.
 
 use crate::{
-    detection::parallel::{Buffers, append_ranges},
+    detection::parallel::{Buffers, Threads, append_ranges},
     kernel::ccd::{PairImpact, SWEEP_PART, Sweep, SweepLeaves, sort_impacts},
     surface::PairFilter,
 };
@@ -16,7 +16,7 @@ pub(crate) struct Sweeping {
 
 impl Sweeping {
     /// Replaces `impacts` by those of a sweep, in the same order for any number of threads, without those that `filter`
-    /// leaves out. Returns the number of pairs whose boxes overlap.
+    /// leaves out. Returns the number of pairs that were looked at one by one.
     pub(crate) fn run(
         &mut self,
         sweep: &Sweep<'_>,
@@ -26,7 +26,7 @@ impl Sweeping {
     ) -> usize {
         impacts.clear();
         let Self { leaves, candidates, spare } = self;
-        sweep.collect(leaves);
+        sweep.collect(&Threads(threads), leaves);
         let leaves = &*leaves;
         let work = |part, impacts: &mut Vec<PairImpact>| {
             candidates.with(|candidates| sweep.append_part(leaves, part, candidates, impacts))

@@ -21,16 +21,31 @@ use super::{
     advance::{HEIGHT_ERROR, LENGTH_SLACK},
     sweep::SweptMesh,
 };
-use crate::kernel::mesh::fans::Fans;
+use crate::kernel::{
+    mesh::{fans::Fans, ids::VertexId, topology::SurfaceTopology},
+    simd::parallel::Parallel,
+};
 
 /// Smallest altitude of a triangle in a plain star, relative to the longest edge at the vertex: far above rounding.
 const LEAST_ALTITUDE: f64 = 1.0e-9;
+
+/// Fans per task: another thread does not pay off for fewer.
+const PART: usize = 512;
 
 /// For each vertex, whether its star is plain during a step.
 #[derive(Clone, Debug, Default)]
 pub(super) struct PlainStars {
     /// By welded vertex.
     is_plain: Vec<bool>,
+    /// By fan.
+    are_plain: Vec<bool>,
+    /// For each task.
+    stars: Vec<Star>,
+}
+
+/// The star of one vertex.
+#[derive(Clone, Debug, Default)]
+struct Star {
     outer: Vec<Outer<DVec3>>,
     seen: Vec<Outer<DVec2>>,
 }
@@ -43,36 +58,75 @@ struct Outer<Vector> {
 }
 
 impl PlainStars {
-    /// Tests the stars of all vertices around which at least one triangle is asked about. Features in a plain star that
-    /// share no vertex stay farther than `separation` apart.
-    pub(super) fn find(&mut self, mesh: &SweptMesh<'_>, separation: f64, is_asked: impl Fn(u32) -> bool) {
+    /// Tests the stars of all vertices around which at least one triangle is asked about, in tasks that `parallel` may
+    /// distribute. Features in a plain star that share no vertex stay farther than `separation` apart.
+    pub(super) fn find(
+        &mut self,
+        parallel: &impl Parallel,
+        mesh: &SweptMesh<'_>,
+        separation: f64,
+        is_asked: impl Fn(u32) -> bool + Sync,
+    ) {
+        let Self { is_plain, are_plain, stars } = self;
         let topology = mesh.topology;
         let (fans, corners) = (topology.fans(), topology.welded_triangles());
-        self.is_plain.clear();
-        self.is_plain.resize(topology.vertex_count(), false);
-        let slots = fans.slots();
-        let vertex_of = |fan: usize| {
-            let slot = slots[fans.fan(fan).0.start];
-            corners[slot.triangle as usize][slot.corner as usize]
-        };
-        let mut last = None;
-        for fan in 0..fans.len() {
-            let (vertex, (range, is_closed)) = (vertex_of(fan), fans.fan(fan));
-            // The fans of a vertex follow one another. Those of several sheets are not seen from one direction.
-            let is_only = last != Some(vertex) && (fan + 1 == fans.len() || vertex_of(fan + 1) != vertex);
-            last = Some(vertex);
-            if is_only && slots[range.clone()].iter().any(|slot| is_asked(slot.triangle)) {
-                self.is_plain[vertex as usize] =
-                    self.gather(mesh, fans, range, is_closed) && self.is_plain(is_closed, separation);
+        are_plain.clear();
+        are_plain.resize(fans.len(), false);
+        let count = fans.len().div_ceil(PART);
+        stars.resize_with(count, Star::default);
+        let parts = are_plain.chunks_mut(PART).zip(&mut *stars).enumerate();
+        parallel.run_tasks(parts, count, |(part, (are_plain, star))| {
+            for (fan, is_plain) in (part * PART..).zip(are_plain) {
+                let (range, is_closed) = fans.fan(fan);
+                if fans.slots()[range.clone()].iter().any(|slot| is_asked(slot.triangle)) {
+                    *is_plain = star.gather(mesh, fans, range, is_closed) && star.is_plain(is_closed, separation);
+                }
             }
+        });
+        is_plain.clear();
+        is_plain.resize(topology.vertex_count(), false);
+        let mut last = None;
+        for (fan, &is_plain_fan) in are_plain.iter().enumerate() {
+            let slot = fans.slots()[fans.fan(fan).0.start];
+            let vertex = corners[slot.triangle as usize][slot.corner as usize];
+            // The fans of a vertex follow one another. Those of several sheets are not seen from one direction.
+            is_plain[vertex as usize] = is_plain_fan && last != Some(vertex);
+            last = Some(vertex);
         }
     }
 
-    /// Whether two triangles share a vertex whose star is plain.
-    pub(super) fn cover(&self, a: [u32; 3], b: [u32; 3]) -> bool {
-        a.iter().any(|&vertex| self.is_plain[vertex as usize] && b.contains(&vertex))
+    /// Appends the pairs of triangles with a common vertex, at least one of them asked about, that no plain star covers. The
+    /// lower one comes first.
+    pub(super) fn append_pairs(
+        &self,
+        topology: &SurfaceTopology,
+        is_asked: impl Fn(u32) -> bool,
+        pairs: &mut Vec<[u32; 2]>,
+    ) {
+        let corners = topology.welded_triangles();
+        let is_own = |vertex: u32| topology.weld()[vertex as usize] == vertex;
+        for vertex in (0..topology.vertex_count() as u32).filter(|&vertex| is_own(vertex)) {
+            if self.is_plain[vertex as usize] {
+                continue;
+            }
+            let around = topology.triangles_of_vertex(VertexId(vertex));
+            for (place, &a) in around.iter().enumerate() {
+                let others = around[..place].iter().filter(|&&b| a != b && (is_asked(a) || is_asked(b)));
+                let left = others.filter(|&&b| !self.cover(corners[a as usize], corners[b as usize]));
+                pairs.extend(left.map(|&b| [a.min(b), a.max(b)]));
+            }
+        }
+        pairs.sort_unstable();
+        pairs.dedup();
     }
 
+    /// Whether two triangles share a vertex whose star is plain.
+    fn cover(&self, a: [u32; 3], b: [u32; 3]) -> bool {
+        a.iter().any(|&vertex| self.is_plain[vertex as usize] && b.contains(&vertex))
+    }
+}
+
+impl Star {
     /// Collects the outer corners of a star in order, of a closed one the first also as the last. Returns `false` if
     /// welded vertices have moved apart, or if a coordinate is not finite.
     fn gather(&mut self, mesh: &SweptMesh<'_>, fans: &Fans, range: Range<usize>, is_closed: bool) -> bool {
@@ -147,7 +201,7 @@ mod tests {
     use super::*;
     use crate::kernel::{
         ccd::triangle_pair::{CommonVertices, triangle_pair_impact},
-        mesh::topology::SurfaceTopology,
+        simd::parallel::Sequential,
     };
     use circumsphere_support::random::Random;
     use glam::Vec3;
@@ -189,7 +243,7 @@ mod tests {
 
         fn is_plain(&self, separation: f64) -> bool {
             let mut stars = PlainStars::default();
-            stars.find(&self.mesh(), separation, |_| true);
+            stars.find(&Sequential, &self.mesh(), separation, |_| true);
             stars.is_plain[0]
         }
 

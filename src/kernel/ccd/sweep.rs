@@ -11,15 +11,19 @@ use glam::DVec3;
 use super::{
     pair_list::{MovingSide, PairImpact, first_impacts},
     stars::PlainStars,
-    sweep_tree::{SweepTree, moved_along, rounded_up},
+    sweep_tree::{SweepTree, moved_along, outward_box, rounded_up},
     triangle_pair::MovingTriangle,
 };
 use crate::kernel::{
-    bvh::tree::BoxTree,
+    bvh::{
+        leaf_triangles::{LeafTriangles, PairCull},
+        tree::BoxTree,
+    },
     mesh::{
         bounds::{Aabb, pairs_between_brute_force},
         topology::{SurfaceTopology, share_corner},
     },
+    simd::parallel::{Parallel, Sequential},
 };
 
 /// Leaves of eight triangles whose pairs are found and tested at a time. Limits how many candidates wait.
@@ -99,6 +103,10 @@ pub struct SweepLeaves {
     has: Vec<bool>,
     /// Likewise, what is known of its stars.
     stars: PlainStars,
+    /// Likewise, the pairs of triangles with a common vertex that have to be tested, the lower one first.
+    around: Vec<[u32; 2]>,
+    /// Likewise, the vertices of the triangles in the leaves, and of those in the tree that is queried.
+    triangles: [LeafTriangles; 2],
 }
 
 impl SweepLeaves {
@@ -134,22 +142,24 @@ impl Sweep<'_> {
         other.drift() - own.drift()
     }
 
-    /// The box of a triangle of the side that is cut into leaves, in the frame of the pair, grown by the separation.
-    fn grown_box(&self, triangle: u32) -> Aabb {
+    /// The box of a triangle of the side that is cut into leaves, in the frame of the pair, whose way a box encloses, grown by
+    /// the separation.
+    fn grown_box(&self, triangle: u32, way: &Aabb) -> Aabb {
         let [own, _] = self.sides();
-        moved_along(&own.boxes()[triangle as usize], self.way_of_frame()).grown(rounded_up(self.separation))
+        moved_along(&own.boxes()[triangle as usize], way).grown(rounded_up(self.separation))
     }
 
-    /// Finds the triangles of one side that may meet the other side.
+    /// Finds the triangles of one side that may meet the other side, in tasks that `parallel` may distribute.
     ///
     /// # Panics
     /// If a mesh and its boxes do not have the same number of triangles.
-    pub fn collect(&self, leaves: &mut SweepLeaves) {
+    pub fn collect(&self, parallel: &impl Parallel, leaves: &mut SweepLeaves) {
         for (mesh, tree) in [&self.a, &self.b] {
             assert_eq!(mesh.topology.triangles().len(), tree.boxes().len(), "the boxes are updated before a sweep");
         }
         leaves.items.clear();
         leaves.has.clear();
+        leaves.around.clear();
         let [own, other] = self.sides();
         if self.same_surface {
             // Of every pair, at least one.
@@ -158,8 +168,9 @@ impl Sweep<'_> {
             leaves.has.extend((0..own.boxes().len() as u32).map(has));
         }
         let farther = self.way_of_frame().length();
+        let way = outward_box([DVec3::ZERO, self.way_of_frame()]);
         let mut add = |triangle: u32| {
-            let bounds = self.grown_box(triangle);
+            let bounds = self.grown_box(triangle, &way);
             let is_needed = if self.same_surface {
                 leaves.has[triangle as usize]
             } else {
@@ -177,13 +188,19 @@ impl Sweep<'_> {
         }
         leaves.leaves.collect_leaves(&leaves.items);
         if self.same_surface && !leaves.items.is_empty() {
-            let has = &leaves.has;
-            leaves.stars.find(&self.a.0, self.separation, |triangle| has[triangle as usize]);
+            let SweepLeaves { leaves, has, stars, around, triangles: [triangles, of_tree], .. } = leaves;
+            let has = |triangle: u32| has[triangle as usize];
+            stars.find(parallel, &self.a.0, self.separation, has);
+            stars.append_pairs(self.a.0.topology, has, around);
+            if let Some(tree) = own.tree() {
+                triangles.name_vertices(leaves, self.a.0.topology);
+                of_tree.name_vertices(tree, self.a.0.topology);
+            }
         }
     }
 
-    /// Appends the first impact of each pair with a triangle in some leaves. Returns the number of pairs whose boxes
-    /// overlap.
+    /// Appends the first impact of each pair with a triangle in some leaves. Returns the number of pairs that were looked at
+    /// one by one.
     ///
     /// All parts together, in any order, append what [`sweep`] finds before it sorts.
     pub fn append_part(
@@ -195,17 +212,33 @@ impl Sweep<'_> {
     ) -> usize {
         candidates.clear();
         let [own, other] = self.sides();
+        let around = {
+            let share = |leaf: usize| leaf * leaves.around.len() / leaves.len();
+            &leaves.around[share(part.start)..share(part.end)]
+        };
         if let Some(tree) = other.tree() {
-            leaves.leaves.pairs_of(part, tree, None, candidates);
+            let cull = self.same_surface.then_some(PairCull {
+                triangles: leaves.triangles.each_ref(),
+                neighbors: true,
+                slabs: f32::INFINITY,
+                search_from: &[],
+                planes_only: false,
+            });
+            leaves.leaves.pairs_of(part, tree, cull.as_ref(), candidates);
         } else {
             let items: Vec<u32> = part.flat_map(|leaf| leaves.leaves.leaf_items(leaf)).copied().collect();
-            let boxes: Vec<Aabb> = items.iter().map(|&item| self.grown_box(item)).collect();
+            let way = outward_box([DVec3::ZERO, self.way_of_frame()]);
+            let boxes: Vec<Aabb> = items.iter().map(|&item| self.grown_box(item, &way)).collect();
             pairs_between_brute_force(&boxes, other.boxes(), candidates);
             for pair in &mut *candidates {
                 pair[0] = items[pair[0] as usize];
             }
         }
         let (asks_second, farther) = (self.asks_second(), self.way_of_frame().length());
+        let is_requested = |[first, second]: [u32; 2]| {
+            (own.is_fast(first, farther) || other.is_fast(second, 0.0))
+                && (own.is_asked(first) || other.is_asked(second))
+        };
         let mut count = 0;
         candidates.retain_mut(|pair| {
             let [first, second] = *pair;
@@ -217,19 +250,22 @@ impl Sweep<'_> {
             } else if !asks_second {
                 *pair = [second, first];
             }
-            let is_any_fast = own.is_fast(first, farther) || other.is_fast(second, 0.0);
-            if !(is_any_fast && (own.is_asked(first) || other.is_asked(second))) {
+            if !is_requested([first, second]) {
                 return false;
             }
-            count += 1;
             if self.same_surface {
                 let [a, b] = [first, second].map(|triangle| self.a.0.topology.welded_triangles()[triangle as usize]);
                 if share_corner(a, b) {
-                    return !leaves.stars.cover(a, b);
+                    return false;
                 }
             }
+            count += 1;
             self.may_meet(*pair)
         });
+        let others = candidates.len();
+        let has_boxes = |pair: [u32; 2]| pair.into_iter().all(|triangle| own.has_box(triangle));
+        candidates.extend(around.iter().filter(|&&pair| is_requested(pair) && has_boxes(pair)));
+        count += candidates.len() - others;
         first_impacts(&self.a.0.side(), &self.b.0.side(), self.same_surface, candidates, self.separation, impacts);
         count
     }
@@ -259,7 +295,7 @@ pub struct SweepBuffers {
 
 /// Appends the first impact of each pair of triangles that comes within `separation`, if at least one of the two is
 /// fast. Impacts are sorted by the triangle of the first mesh, then by that of the second. Returns the number of pairs
-/// whose boxes overlap.
+/// that were looked at one by one.
 ///
 /// Both trees must be [updated](SweepTree::update) to the current meshes. The tree over the larger mesh should follow
 /// its boxes too ([`SweepTree::update_tree`]), otherwise each of its boxes is tested for each triangle of the other
@@ -305,7 +341,7 @@ pub fn sweep(
     impacts: &mut Vec<PairImpact>,
 ) -> usize {
     let sweep = Sweep { a: (*a, tree_a), b: (*b, tree_b), same_surface, separation };
-    sweep.collect(&mut buffers.leaves);
+    sweep.collect(&Sequential, &mut buffers.leaves);
     let (first, mut candidates) = (impacts.len(), 0);
     let count = buffers.leaves.len();
     for start in (0..count).step_by(SWEEP_PART) {

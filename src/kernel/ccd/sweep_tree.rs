@@ -223,7 +223,7 @@ impl SweepTree {
     /// A box around everything that the mesh sweeps, in the frame of its positions.
     #[must_use]
     pub fn bounds_at_rest(&self) -> Aabb {
-        moved_along(&self.bounds, -self.drift)
+        moved_along(&self.bounds, &outward_box([DVec3::ZERO, -self.drift]))
     }
 
     /// The box that each triangle sweeps, in the frame that moves with the drift.
@@ -235,6 +235,11 @@ impl SweepTree {
     /// The tree over the boxes, if it is up to date.
     pub(super) fn tree(&self) -> Option<&BoxTree> {
         self.has_tree.then_some(&self.tree)
+    }
+
+    /// Whether a triangle has a box: all its coordinates are finite.
+    pub(super) fn has_box(&self, triangle: u32) -> bool {
+        !self.ways[triangle as usize].is_nan()
     }
 
     /// Whether a triangle is fast, in a frame that moves by `farther` relative to that of the boxes.
@@ -285,14 +290,16 @@ impl SweepTree {
     }
 }
 
-/// What a box sweeps that begins farther on by `way`, or ends there: a box in a frame that moves by `way` relative to the
-/// one in which it was computed.
-pub(super) fn moved_along(bounds: &Aabb, way: DVec3) -> Aabb {
-    if way == DVec3::ZERO {
-        return *bounds;
+/// What a box sweeps that begins or ends farther on by anything in `way`: a box in a frame that moves by as much relative to
+/// the one in which it was computed.
+pub(super) fn moved_along(bounds: &Aabb, way: &Aabb) -> Aabb {
+    if bounds.min.cmpgt(bounds.max).any() {
+        return Aabb::EMPTY;
     }
-    let (min, max) = (bounds.min.as_dvec3(), bounds.max.as_dvec3());
-    if bounds.min.cmpgt(bounds.max).any() { Aabb::EMPTY } else { outward_box([min, min + way, max, max + way]) }
+    let (low, high) = (Vec3A::from(bounds.min) + Vec3A::from(way.min), Vec3A::from(bounds.max) + Vec3A::from(way.max));
+    // More than the rounding of a sum.
+    let rounding = |sum: Vec3A| sum.abs() * f32::EPSILON;
+    Aabb { min: (low - rounding(low)).into(), max: (high + rounding(high)).into() }
 }
 
 /// The smallest f32 box around some finite points.

@@ -6,6 +6,7 @@ use bevy_circumsphere::kernel::{
         first_impacts, outward_box, sort_impacts, sweep,
     },
     mesh::topology::SurfaceTopology,
+    simd::parallel::Sequential,
 };
 use circumsphere_truth::{ImpactTruth, MovingMesh, triangle_distance, triangle_impacts_tree};
 use glam::{DQuat, DVec3, Vec3};
@@ -396,21 +397,25 @@ fn a_common_motion_makes_nothing_fast_and_changes_no_impact() {
 #[test]
 fn parts_of_any_length_find_the_same() {
     let mut random = Random::new(76);
-    let [a, b] = pair(&mut random, 0.5, [true, false], true);
-    let (tree_a, tree_b) = (tree_of(&a.mesh(), false), tree_of(&b.mesh(), true));
-    let expected = swept(&a.mesh(), &b.mesh(), Trees::Second, 0.0);
-    assert!(expected.len() > 10);
-    let sweep = Sweep { a: (a.mesh(), &tree_a), b: (b.mesh(), &tree_b), same_surface: false, separation: 0.0 };
-    let mut leaves = SweepLeaves::default();
-    sweep.collect(&mut leaves);
-    for length in [1, 3] {
-        let (mut candidates, mut impacts) = (Vec::new(), Vec::new());
-        for start in (0..leaves.len()).step_by(length).rev() {
-            let part = start..(start + length).min(leaves.len());
-            sweep.append_part(&leaves, part, &mut candidates, &mut impacts);
+    for same in [false, true] {
+        let [a, b] = pair(&mut random, if same { 3.0 } else { 0.5 }, [true, false], !same);
+        let a = a.mesh();
+        let b = if same { a } else { b.mesh() };
+        let (tree_a, tree_b) = (tree_of(&a, same), tree_of(&b, true));
+        let expected = if same { swept_self(&a, true) } else { swept(&a, &b, Trees::Second, 0.0) };
+        assert!(expected.len() > 10);
+        let sweep = Sweep { a: (a, &tree_a), b: (b, &tree_b), same_surface: same, separation: 0.0 };
+        let mut leaves = SweepLeaves::default();
+        sweep.collect(&Sequential, &mut leaves);
+        for length in [1, 3] {
+            let (mut candidates, mut impacts) = (Vec::new(), Vec::new());
+            for start in (0..leaves.len()).step_by(length).rev() {
+                let part = start..(start + length).min(leaves.len());
+                sweep.append_part(&leaves, part, &mut candidates, &mut impacts);
+            }
+            sort_impacts(&mut impacts);
+            assert_eq!(impacts, expected);
         }
-        sort_impacts(&mut impacts);
-        assert_eq!(impacts, expected);
     }
 }
 
@@ -489,17 +494,29 @@ fn coordinates_that_are_not_finite_meet_nothing_and_others_beyond_single_precisi
     a.translate(DVec3::new(0.01, 0.02, 0.3));
     a.move_each(|_| DVec3::Z * -0.6);
     let whole = swept(&a.mesh(), &b.mesh(), Trees::Second, 0.0);
-    for value in [f64::NAN, f64::INFINITY] {
-        let spoiled = 5;
-        let mut end = a.end.clone();
+    let (mut random, mut crumpled) = (Random::new(78), sheet(4, 0.0));
+    crumpled.move_each(|_| random.vector() * 2.0);
+    let of_one = swept_self(&crumpled.mesh(), true);
+    let spoiled = 5;
+    let has_spoiled =
+        |body: &Body, triangle: u32| body.topology.triangles()[triangle as usize].contains(&(spoiled as u32));
+    let spoiled_end = |body: &Body, value: f64| {
+        let mut end = body.end.clone();
         end[spoiled].y = value;
-        let rest: Vec<PairImpact> = whole
-            .iter()
-            .filter(|found| !a.topology.triangles()[found.triangle_a as usize].contains(&(spoiled as u32)))
-            .copied()
-            .collect();
+        end
+    };
+    for value in [f64::NAN, f64::INFINITY] {
+        let rest: Vec<PairImpact> = whole.iter().filter(|found| !has_spoiled(&a, found.triangle_a)).copied().collect();
         assert!(rest.len() < whole.len() && !rest.is_empty());
+        let end = spoiled_end(&a, value);
         assert_eq!(swept(&SweptMesh { end: &end, ..a.mesh() }, &b.mesh(), Trees::Second, 0.0), rest);
+        let is_left = |found: &&PairImpact| {
+            ![found.triangle_a, found.triangle_b].iter().any(|&triangle| has_spoiled(&crumpled, triangle))
+        };
+        let rest: Vec<PairImpact> = of_one.iter().filter(is_left).copied().collect();
+        assert!(rest.len() < of_one.len() && !rest.is_empty());
+        let end = spoiled_end(&crumpled, value);
+        assert_eq!(swept_self(&SweptMesh { end: &end, ..crumpled.mesh() }, true), rest);
     }
     // Scaling by a power of two changes no digits.
     let large =
