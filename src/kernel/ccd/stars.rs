@@ -110,8 +110,8 @@ impl PlainStars {
                 continue;
             }
             let around = topology.triangles_of_vertex(VertexId(vertex));
-            for (place, &a) in around.iter().enumerate() {
-                let others = around[..place].iter().filter(|&&b| a != b && (is_asked(a) || is_asked(b)));
+            for &a in around.iter().filter(|&&a| is_asked(a)) {
+                let others = around.iter().filter(|&&b| b < a || b > a && !is_asked(b));
                 let left = others.filter(|&&b| !self.cover(corners[a as usize], corners[b as usize]));
                 pairs.extend(left.map(|&b| [a.min(b), a.max(b)]));
             }

@@ -142,6 +142,11 @@ impl Sweep<'_> {
         other.drift() - own.drift()
     }
 
+    /// A box around [that way](Self::way_of_frame).
+    fn box_of_way(&self) -> Aabb {
+        outward_box([DVec3::ZERO, self.way_of_frame()])
+    }
+
     /// The box of a triangle of the side that is cut into leaves, in the frame of the pair, whose way a box encloses, grown by
     /// the separation.
     fn grown_box(&self, triangle: u32, way: &Aabb) -> Aabb {
@@ -168,7 +173,7 @@ impl Sweep<'_> {
             leaves.has.extend((0..own.boxes().len() as u32).map(has));
         }
         let farther = self.way_of_frame().length();
-        let way = outward_box([DVec3::ZERO, self.way_of_frame()]);
+        let way = self.box_of_way();
         let mut add = |triangle: u32| {
             let bounds = self.grown_box(triangle, &way);
             let is_needed = if self.same_surface {
@@ -192,6 +197,7 @@ impl Sweep<'_> {
             let has = |triangle: u32| has[triangle as usize];
             stars.find(parallel, &self.a.0, self.separation, has);
             stars.append_pairs(self.a.0.topology, has, around);
+            around.retain(|pair| pair.iter().all(|&triangle| own.has_box(triangle)));
             if let Some(tree) = own.tree() {
                 triangles.name_vertices(leaves, self.a.0.topology);
                 of_tree.name_vertices(tree, self.a.0.topology);
@@ -227,12 +233,15 @@ impl Sweep<'_> {
             leaves.leaves.pairs_of(part, tree, cull.as_ref(), candidates);
         } else {
             let items: Vec<u32> = part.flat_map(|leaf| leaves.leaves.leaf_items(leaf)).copied().collect();
-            let way = outward_box([DVec3::ZERO, self.way_of_frame()]);
+            let way = self.box_of_way();
             let boxes: Vec<Aabb> = items.iter().map(|&item| self.grown_box(item, &way)).collect();
             pairs_between_brute_force(&boxes, other.boxes(), candidates);
             for pair in &mut *candidates {
                 pair[0] = items[pair[0] as usize];
             }
+            let corners = self.a.0.topology.welded_triangles();
+            let are_neighbors = |[a, b]: [u32; 2]| share_corner(corners[a as usize], corners[b as usize]);
+            candidates.retain(|&pair| !self.same_surface || !are_neighbors(pair));
         }
         let (asks_second, farther) = (self.asks_second(), self.way_of_frame().length());
         let is_requested = |[first, second]: [u32; 2]| {
@@ -253,18 +262,11 @@ impl Sweep<'_> {
             if !is_requested([first, second]) {
                 return false;
             }
-            if self.same_surface {
-                let [a, b] = [first, second].map(|triangle| self.a.0.topology.welded_triangles()[triangle as usize]);
-                if share_corner(a, b) {
-                    return false;
-                }
-            }
             count += 1;
             self.may_meet(*pair)
         });
         let others = candidates.len();
-        let has_boxes = |pair: [u32; 2]| pair.into_iter().all(|triangle| own.has_box(triangle));
-        candidates.extend(around.iter().filter(|&&pair| is_requested(pair) && has_boxes(pair)));
+        candidates.extend(around.iter().filter(|&&pair| is_requested(pair)));
         count += candidates.len() - others;
         first_impacts(&self.a.0.side(), &self.b.0.side(), self.same_surface, candidates, self.separation, impacts);
         count
