@@ -109,7 +109,8 @@ impl Common {
 }
 
 /// Up to eight contacts that may act in a substep, with their weights and normals there. Only free particles are in it.
-/// What the others do is known, and is part of the offsets.
+/// What the others do is known, and is part of the offsets. What only friction needs is in a [`SlidingBlock`]: the sweeps
+/// that push apart read as little as possible.
 #[derive(Debug)]
 #[repr(C, align(32))]
 pub(super) struct ActingBlock<const N: usize> {
@@ -125,6 +126,12 @@ pub(super) struct ActingBlock<const N: usize> {
     multiplier: [f32; WIDTH],
     /// The least separation that may be left.
     allowed: [f32; WIDTH],
+}
+
+/// What friction and the end of a substep need of the contacts of an [`ActingBlock`].
+#[derive(Debug)]
+#[repr(C, align(32))]
+pub(super) struct SlidingBlock {
     /// As `inverse`, across the normal. It differs if a rigid body gives way.
     inverse_across: [f32; WIDTH],
     /// Weighted sum of the displacements of free particles at which nothing has slid in the substep.
@@ -191,7 +198,7 @@ impl Common {
         driven: &Driven<S>,
         (normal, offset, shallow): (VectorLanes<S>, f32x8<S>, f32),
         evaluation: Evaluation,
-    ) -> Option<ActingBlock<N>> {
+    ) -> Option<(ActingBlock<N>, SlidingBlock)> {
         let zeros = f32x8::splat(simd, 0.0);
         let Free { moved, speeds, weights } = free;
         let Evaluation { step, push_out, .. } = evaluation;
@@ -227,7 +234,6 @@ impl Common {
         }
         let inverse = stored(is_near.select(f32x8::splat(simd, 1.0) / mobility, zeros));
         let mut block = ActingBlock {
-            source,
             places: *places,
             weights: [[0.0; WIDTH]; N],
             normal: normal.stored(),
@@ -235,18 +241,21 @@ impl Common {
             target: stored(target),
             allowed: stored(target - distance * TOLERANCE),
             inverse,
-            inverse_across: inverse,
-            most_opening: stored(normal.dot(speed).max(zeros) - normal.dot(driven.speed)),
-            before: (sum - speed.scaled(f32x8::splat(simd, step))).stored(),
-            friction: [stored(grip * most_held), stored(grip * least_held)],
             multiplier: stored(is_near.select(push, zeros)),
-            sliding: VectorRows::ZERO,
-            step,
         };
         for place in 0..N {
             weights[place].store_slice(&mut block.weights[place]);
         }
-        Some(block)
+        let sliding = SlidingBlock {
+            source,
+            inverse_across: inverse,
+            most_opening: stored(normal.dot(speed).max(zeros) - normal.dot(driven.speed)),
+            before: (sum - speed.scaled(f32x8::splat(simd, step))).stored(),
+            friction: [stored(grip * most_held), stored(grip * least_held)],
+            sliding: VectorRows::ZERO,
+            step,
+        };
+        Some((block, sliding))
     }
 }
 
@@ -305,11 +314,12 @@ impl<const N: usize> ActingBlock<N> {
     }
 
     #[cfg_attr(not(unoptimized), inline(always))]
-    pub(super) fn rub<S: Simd>(&mut self, simd: S, rows: MovingRows<'_>) {
+    pub(super) fn rub<S: Simd>(&self, simd: S, rows: MovingRows<'_>, friction: &mut SlidingBlock) {
         let zeros = f32x8::splat(simd, 0.0);
         let multiplier = f32x8::from_slice(simd, &self.multiplier);
-        let [most_held, least_held] = load_all(simd, &self.friction);
-        let held_before = VectorLanes::load(simd, &self.sliding);
+        let SlidingBlock { friction: shares, sliding: held, before, inverse_across, .. } = friction;
+        let [most_held, least_held] = load_all(simd, shares);
+        let held_before = VectorLanes::load(simd, held);
         let is_held = held_before.dot(held_before).simd_gt(zeros);
         let acts = (multiplier.simd_gt(zeros) | is_held) & most_held.simd_gt(zeros);
         if !acts.any_true() {
@@ -318,24 +328,30 @@ impl<const N: usize> ActingBlock<N> {
         let moved = gather_all(simd, rows.displacement, &self.places);
         let weights = load_all(simd, &self.weights);
         let normal = VectorLanes::load(simd, &self.normal);
-        let slid = weighted_sum(simd, &moved, &weights) - VectorLanes::load(simd, &self.before);
+        let slid = weighted_sum(simd, &moved, &weights) - VectorLanes::load(simd, before);
         let slid = slid - normal.scaled(normal.dot(slid));
-        let wanted = held_before - slid.scaled(f32x8::from_slice(simd, &self.inverse_across));
+        let wanted = held_before - slid.scaled(f32x8::from_slice(simd, inverse_across));
         let (holding, sliding) = (most_held * multiplier, least_held * multiplier);
         let length = wanted.dot(wanted).sqrt();
         // With `held = holding − WEAKENING (length − held)`.
         let slipping = (holding - length * WEAKENING) * (1.0 / (1.0 - WEAKENING));
         let share = slipping.max(sliding) / length;
         let share = length.simd_le(holding).select(f32x8::splat(simd, 1.0), share);
-        let held = VectorLanes::select(acts, wanted.scaled(share), held_before);
-        held.store(&mut self.sliding);
-        self.push(rows.displacement, &moved, &weights, held - held_before);
+        let held_now = VectorLanes::select(acts, wanted.scaled(share), held_before);
+        held_now.store(held);
+        self.push(rows.displacement, &moved, &weights, held_now - held_before);
     }
 
     /// Keeps the separation that is left and the push, and removes the separating velocity that a push has added:
     /// contacts do not bounce.
     #[cfg_attr(not(unoptimized), inline(always))]
-    pub(super) fn end_step<S: Simd>(&mut self, simd: S, rows: MovingRows<'_>, common: &mut Common) {
+    pub(super) fn end_step<S: Simd>(
+        &self,
+        simd: S,
+        rows: MovingRows<'_>,
+        SlidingBlock { sliding, most_opening, step, .. }: &mut SlidingBlock,
+        common: &mut Common,
+    ) {
         let zeros = f32x8::splat(simd, 0.0);
         let weights = load_all(simd, &self.weights);
         let normal = VectorLanes::load(simd, &self.normal);
@@ -346,8 +362,8 @@ impl<const N: usize> ActingBlock<N> {
         inverse.simd_gt(zeros).select(separation, f32x8::from_slice(simd, left)).store_slice(left);
         common.pressed = self.multiplier;
         let push =
-            normal.scaled(f32x8::from_slice(simd, &self.multiplier)).plus(VectorLanes::load(simd, &self.sliding));
-        push.store(&mut self.sliding);
+            normal.scaled(f32x8::from_slice(simd, &self.multiplier)).plus(VectorLanes::load(simd, sliding));
+        push.store(sliding);
         VectorLanes::load(simd, &common.pushes).plus(push).store(&mut common.pushes);
         let presses = f32x8::from_slice(simd, &self.multiplier).simd_gt(zeros);
         if !presses.any_true() {
@@ -355,15 +371,15 @@ impl<const N: usize> ActingBlock<N> {
         }
         let speeds = gather_all(simd, rows.velocity, &self.places);
         let opening = normal.dot(weighted_sum(simd, &speeds, &weights));
-        let surplus = (opening - f32x8::from_slice(simd, &self.most_opening)).max(zeros);
+        let surplus = (opening - f32x8::from_slice(simd, most_opening)).max(zeros);
         let change = presses.select(-surplus * inverse, zeros);
         if !change.simd_lt(zeros).any_true() {
             return;
         }
         let change = normal.scaled(change);
         self.push(rows.velocity, &speeds, &weights, change);
-        let change = change.scaled(f32x8::splat(simd, self.step));
-        push.plus(change).store(&mut self.sliding);
+        let change = change.scaled(f32x8::splat(simd, *step));
+        push.plus(change).store(sliding);
         VectorLanes::load(simd, &common.pushes).plus(change).store(&mut common.pushes);
     }
 
@@ -373,15 +389,15 @@ impl<const N: usize> ActingBlock<N> {
     }
 
     /// Adds to the sums of inverse masses of a contact, along its normal and across.
-    pub(super) fn soften(&mut self, lane: usize, [along, across]: [f32; 2]) {
-        for (inverse, by) in [(&mut self.inverse, along), (&mut self.inverse_across, across)] {
+    pub(super) fn soften(&mut self, lane: usize, friction: &mut SlidingBlock, [along, across]: [f32; 2]) {
+        for (inverse, by) in [(&mut self.inverse, along), (&mut friction.inverse_across, across)] {
             inverse[lane] /= 1.0 + by * inverse[lane];
         }
     }
 
     /// What a contact pushes in this substep. `is_over` says whether the substep has ended.
-    pub(super) fn pushed(&self, lane: usize, is_over: bool) -> Vec3 {
-        let sliding = self.sliding.get(lane);
+    pub(super) fn pushed(&self, lane: usize, friction: &SlidingBlock, is_over: bool) -> Vec3 {
+        let sliding = friction.sliding.get(lane);
         if is_over { sliding } else { sliding + self.normal.get(lane) * self.multiplier[lane] }
     }
 

@@ -15,7 +15,7 @@ use glam::DVec3;
 
 pub(super) use self::blocks::{FeatureBlock, PlaneBlock};
 use super::{
-    acting::{ActingBlock, Common, Evaluation},
+    acting::{ActingBlock, Common, Evaluation, SlidingBlock},
     coloring::{Block, Coloring, NONE, in_order, lanes_of},
     rows::MovingRows,
 };
@@ -96,7 +96,7 @@ pub(super) trait ContactBlock<const N: usize>: Sized {
         from: (u32, &mut Common),
         rows: MovingRows<'_>,
         evaluation: Evaluation,
-    ) -> Option<ActingBlock<N>>;
+    ) -> Option<(ActingBlock<N>, SlidingBlock)>;
 }
 
 /// Where particles are when contacts are taken over.
@@ -154,6 +154,8 @@ pub(super) struct ContactBlocks<B, const N: usize> {
     /// The end of each batch among the blocks.
     batches: Vec<usize>,
     acting: Vec<ActingBlock<N>>,
+    /// One for each acting block.
+    sliding: Vec<SlidingBlock>,
     /// The end of each batch among the acting blocks.
     acting_batches: Vec<usize>,
     /// Those acting blocks in which a contact asks for its impulse.
@@ -167,6 +169,7 @@ impl<B, const N: usize> Default for ContactBlocks<B, N> {
             blocks: Vec::new(),
             batches: Vec::new(),
             acting: Vec::new(),
+            sliding: Vec::new(),
             acting_batches: Vec::new(),
             asking: Vec::new(),
             numbers: Vec::new(),
@@ -206,18 +209,19 @@ impl<B: ContactBlock<N>, const N: usize> ContactBlocks<B, N> {
         });
     }
 
-    /// The acting contacts of a batch.
-    fn of_batch(&mut self, batch: usize) -> &mut [ActingBlock<N>] {
+    /// The places of a batch's acting blocks.
+    fn of_batch(&self, batch: usize) -> Range<usize> {
         let end = self.acting_batches.get(batch).copied().unwrap_or_default();
         let first = if batch > 0 { self.acting_batches.get(batch - 1).copied().unwrap_or_default() } else { 0 };
-        &mut self.acting[first..end]
+        first..end
     }
 }
 
 impl<B: ContactBlock<N>, const N: usize> ContactList for ContactBlocks<B, N> {
     fn clear(&mut self) {
-        let Self { blocks, batches, acting, acting_batches, asking, .. } = self;
+        let Self { blocks, batches, acting, sliding, acting_batches, asking, .. } = self;
         acting.clear();
+        sliding.clear();
         acting_batches.clear();
         asking.clear();
         blocks.clear();
@@ -225,8 +229,9 @@ impl<B: ContactBlock<N>, const N: usize> ContactList for ContactBlocks<B, N> {
     }
 
     fn begin_step(&mut self, rows: MovingRows<'_>, evaluation: Evaluation) {
-        let Self { blocks, batches, acting, acting_batches, asking, .. } = self;
+        let Self { blocks, batches, acting, sliding, acting_batches, asking, .. } = self;
         acting.clear();
+        sliding.clear();
         acting_batches.clear();
         asking.clear();
         dispatch!(simd => {
@@ -234,11 +239,12 @@ impl<B: ContactBlock<N>, const N: usize> ContactList for ContactBlocks<B, N> {
             for &end in &*batches {
                 for source in first..end {
                     let (block, common) = &mut blocks[source];
-                    if let Some(found) = block.begin_step(simd, (source as u32, common), rows, evaluation) {
+                    if let Some((found, its_sliding)) = block.begin_step(simd, (source as u32, common), rows, evaluation) {
                         if common.reaction != [NONE; WIDTH] {
                             asking.push(acting.len() as u32);
                         }
                         acting.push(found);
+                        sliding.push(its_sliding);
                     }
                 }
                 acting_batches.push(acting.len());
@@ -257,7 +263,8 @@ impl<B: ContactBlock<N>, const N: usize> ContactList for ContactBlocks<B, N> {
     }
 
     fn separate(&mut self, batch: usize, rows: MovingRows<'_>, is_backward: bool) {
-        let acting = self.of_batch(batch);
+        let range = self.of_batch(batch);
+        let acting = &mut self.acting[range];
         dispatch!(simd => {
             for place in in_order(acting.len(), is_backward) {
                 acting[place].separate(simd, rows);
@@ -266,16 +273,18 @@ impl<B: ContactBlock<N>, const N: usize> ContactList for ContactBlocks<B, N> {
     }
 
     fn rub(&mut self, batch: usize, rows: MovingRows<'_>, is_backward: bool) {
-        let acting = self.of_batch(batch);
+        let range = self.of_batch(batch);
+        let (acting, sliding) = (&self.acting[range.clone()], &mut self.sliding[range]);
         dispatch!(simd => {
             for place in in_order(acting.len(), is_backward) {
-                acting[place].rub(simd, rows);
+                acting[place].rub(simd, rows, &mut sliding[place]);
             }
         });
     }
 
     fn recover(&mut self, batch: usize, rows: MovingRows<'_>, is_backward: bool) {
-        let acting = self.of_batch(batch);
+        let range = self.of_batch(batch);
+        let acting = &mut self.acting[range];
         dispatch!(simd => {
             for place in in_order(acting.len(), is_backward) {
                 acting[place].recover(simd, rows);
@@ -284,10 +293,10 @@ impl<B: ContactBlock<N>, const N: usize> ContactList for ContactBlocks<B, N> {
     }
 
     fn end_step(&mut self, rows: MovingRows<'_>) {
-        let Self { blocks, acting, .. } = self;
+        let Self { blocks, acting, sliding, .. } = self;
         dispatch!(simd => {
-            for block in acting {
-                block.end_step(simd, rows, &mut blocks[block.source as usize].1);
+            for (block, sliding) in acting.iter().zip(sliding) {
+                block.end_step(simd, rows, sliding, &mut blocks[sliding.source as usize].1);
             }
         });
     }
@@ -300,15 +309,15 @@ impl<B: ContactBlock<N>, const N: usize> ContactList for ContactBlocks<B, N> {
     }
 
     fn soften(&mut self, visit: &mut dyn FnMut(u32, DVec3) -> Option<[f64; 2]>) {
-        let Self { blocks, acting, asking, .. } = self;
+        let Self { blocks, acting, sliding, asking, .. } = self;
         for &place in &*asking {
-            let block = &mut acting[place as usize];
-            let numbers = &blocks[block.source as usize].1.reaction;
+            let (block, sliding) = (&mut acting[place as usize], &mut sliding[place as usize]);
+            let numbers = &blocks[sliding.source as usize].1.reaction;
             for lane in (0..WIDTH).filter(|&lane| numbers[lane] != NONE) {
                 if let Some(normal) = block.normal(lane)
                     && let Some(by) = visit(numbers[lane], normal.as_dvec3())
                 {
-                    block.soften(lane, by.map(|by| by as f32));
+                    block.soften(lane, sliding, by.map(|by| by as f32));
                 }
             }
         }
@@ -316,10 +325,10 @@ impl<B: ContactBlock<N>, const N: usize> ContactList for ContactBlocks<B, N> {
 
     fn pushes(&self, is_over: bool, add: &mut dyn FnMut(u32, DVec3)) {
         for &place in &self.asking {
-            let block = &self.acting[place as usize];
-            let numbers = &self.blocks[block.source as usize].1.reaction;
+            let (block, sliding) = (&self.acting[place as usize], &self.sliding[place as usize]);
+            let numbers = &self.blocks[sliding.source as usize].1.reaction;
             for lane in (0..WIDTH).filter(|&lane| numbers[lane] != NONE) {
-                add(numbers[lane], block.pushed(lane, is_over).as_dvec3());
+                add(numbers[lane], block.pushed(lane, sliding, is_over).as_dvec3());
             }
         }
     }

@@ -7,7 +7,7 @@ use super::{Contact, ContactBlock, FeatureParticles, Plane};
 use crate::kernel::{
     simd::lanes::{VectorLanes, VectorRows, WIDTH},
     xpbd::{
-        acting::{ActingBlock, Common, Driven, Evaluation, Free, SHALLOW, gather_all, load_all, weighted_sum, zero},
+        acting::{ActingBlock, Common, Driven, Evaluation, Free, SHALLOW, SlidingBlock, gather_all, load_all, weighted_sum, zero},
         coloring::{Block, NONE, lanes_of},
         features::{FeatureKind, Meeting, edge_edge, vertex_face},
         rows::{MovingRows, NOBODY, Places, row_of, set_lane},
@@ -104,7 +104,7 @@ impl<const ARE_EDGES: bool, const N: usize> ContactBlock<N> for FeatureBlock<ARE
         (source, common): (u32, &mut Common),
         rows: MovingRows<'_>,
         evaluation: Evaluation,
-    ) -> Option<ActingBlock<N>> {
+    ) -> Option<(ActingBlock<N>, SlidingBlock)> {
         let moved = gather_all(simd, rows.displacement, &self.places);
         let speeds = gather_all(simd, rows.velocity, &self.places);
         let vectors = [moved[0].vector, moved[1].vector, moved[2].vector, moved[3].vector];
@@ -182,7 +182,7 @@ impl<const N: usize> ContactBlock<N> for PlaneBlock<N> {
         (source, common): (u32, &mut Common),
         rows: MovingRows<'_>,
         evaluation: Evaluation,
-    ) -> Option<ActingBlock<N>> {
+    ) -> Option<(ActingBlock<N>, SlidingBlock)> {
         let moved = gather_all(simd, rows.displacement, &self.places);
         let speeds = gather_all(simd, rows.velocity, &self.places);
         let weights = load_all(simd, &self.weights);
