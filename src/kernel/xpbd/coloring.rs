@@ -100,12 +100,16 @@ impl Coloring {
         colors.resize_with(COLORS, Vec::new);
         waiting.clear();
         waiting.extend(0..count as u32);
+        // The colors of the first round keep their full blocks. What is left of them would leave many lanes empty, so it is
+        // colored again with what was refused, one block for each color.
+        let mut most = usize::MAX;
         while !waiting.is_empty() {
             refused.clear();
+            let mut full = 0;
             for &constraint in &*waiting {
                 let places = particles_of(constraint);
                 let taken =
-                    places.iter().filter(|&&place| place != NONE).fold(0, |all, &place| all | used[place as usize]);
+                    places.iter().filter(|&&place| place != NONE).fold(full, |all, &place| all | used[place as usize]);
                 let color = taken.trailing_ones() as usize;
                 if color == COLORS {
                     refused.push(constraint);
@@ -115,6 +119,7 @@ impl Coloring {
                     used[place as usize] |= 1 << color;
                 }
                 colors[color].push(constraint);
+                full |= u64::from(colors[color].len() == most) << color;
             }
             for &constraint in &*waiting {
                 for place in particles_of(constraint).into_iter().filter(|&place| place != NONE) {
@@ -122,14 +127,19 @@ impl Coloring {
                 }
             }
             for color in &mut *colors {
-                blocks.extend(color.chunks(WIDTH).map(|constraints| {
+                let (full, rest) = color.as_chunks::<WIDTH>();
+                blocks.extend(full);
+                if most > WIDTH {
+                    refused.extend(rest);
+                } else if !rest.is_empty() {
                     let mut block = [NONE; WIDTH];
-                    block[..constraints.len()].copy_from_slice(constraints);
-                    block
-                }));
+                    block[..rest.len()].copy_from_slice(rest);
+                    blocks.push(block);
+                }
                 color.clear();
             }
             std::mem::swap(waiting, refused);
+            most = WIDTH;
         }
     }
 }

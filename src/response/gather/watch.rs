@@ -205,15 +205,21 @@ impl Gatherer {
     ) -> bool {
         let mut unwatched = std::mem::take(&mut self.unwatched);
         let before = solver.contacts.len();
-        let mut last_pair = None;
+        // The contacts of a pair follow one another.
+        let (mut last_pair, mut last_tangled) = (None, None);
         unwatched.retain(|contact| {
             let pair = &scene.store.pairs[contact.pair as usize];
-            let (sides, record) = (self.sides(pair), &pair.contacts[contact.place as usize]);
+            let sides = match last_pair {
+                Some((place, sides)) if place == contact.pair => sides,
+                _ => self.sides(pair),
+            };
+            last_pair = Some((contact.pair, sides));
+            let record = &pair.contacts[contact.place as usize];
             if !must_be(solver, pair, sides, record) {
                 return true;
             }
-            if last_pair != Some(contact.pair) {
-                last_pair = Some(contact.pair);
+            if last_tangled != Some(contact.pair) {
+                last_tangled = Some(contact.pair);
                 self.find_tangled(&mut solver.particles, scene, pair);
             }
             let friction = scene.friction(pair.a.entity(), pair.b.entity());
