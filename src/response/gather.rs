@@ -12,7 +12,7 @@ use std::sync::Arc;
 
 use arrayvec::ArrayVec;
 use bevy_ecs::{entity::EntityHashMap, prelude::*};
-use bevy_platform::collections::HashSet;
+use bevy_platform::collections::{HashMap, HashSet};
 use glam::{DVec3, Vec3};
 
 pub(super) use self::watch::Watch;
@@ -27,7 +27,7 @@ use super::{
     motion::Motions,
     particles::Particles,
     reaction::{NO_REACTION, Reactions},
-    record::{completed, detected_sum, edges_of, face_of, flat, untangling, weighted},
+    record::{MoveBack, completed, detected_sum, edges_of, face_of, flat, untangling, weighted},
     scene::Scene,
     solver::{Solver, SolverBody},
 };
@@ -62,8 +62,8 @@ pub(super) struct Gatherer {
     pushed: Vec<bool>,
     /// The contacts that are not watched.
     unwatched: Vec<Unwatched>,
-    /// The particles of all triangles that cross in the current pair.
-    tangled: HashSet<u32>,
+    /// The particles of all triangles that cross in the current pair, with how often each one's triangles do.
+    tangled: HashMap<u32, u32>,
     /// Unit vector along which the first side of the current pair moves back against the second, if a part of either is
     /// cut off.
     back: Option<DVec3>,
@@ -429,13 +429,15 @@ impl Gatherer {
                 return if has_inside && pair.a != pair.b {
                     None
                 } else {
-                    untangling(particles, pair, record, [a, b], firsts, self.back)
+                    let move_back =
+                        self.back.map_or_else(|| MoveBack::Edge { crowd: self.crowd([a, b]) }, MoveBack::Part);
+                    untangling(particles, pair, record, [a, b], firsts, move_back)
                 };
             }
             _ => (flat(particles, record, [a, b], normal, distance), normal),
         };
         // Next to a crossing, a contact would hold features on the wrong side.
-        let is_tangled = |corners: [u32; 3]| corners.iter().any(|corner| self.tangled.contains(corner));
+        let is_tangled = |corners: [u32; 3]| corners.iter().any(|corner| self.tangled.contains_key(corner));
         if !penetrated && is_tangled(a) && is_tangled(b) {
             return None;
         }

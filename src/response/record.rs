@@ -33,8 +33,25 @@ pub(super) fn edges_of(a: [u32; 3], edge_a: u8, b: [u32; 3], edge_b: u8) -> Feat
 /// Distance that a cut-off part moves back per tick, in contact distances, unless the push-out speed limits it.
 const WAY_BACK: f64 = 4.0;
 
-/// Distance that an edge moves per tick to shorten the intersection contour, in contact distances.
+/// Distance that an edge moves per tick to shorten the intersection contour, in contact distances. Less in a crowd.
 const WAY_OF_EDGE: f64 = 2.0;
+
+/// Crossings around a corner up to which an edge moves that far: there are six or seven where two sheets cross. Where there
+/// are more, each pulls another way, and the edge moves less by the square of their number. Otherwise a crumpled cloth
+/// crumples more and more.
+const CROWD: f64 = 6.0;
+
+/// How a crossing moves back.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum MoveBack {
+    /// With the whole part that is cut off, along a unit vector.
+    Part(DVec3),
+    /// The edge alone, so that the intersection contour shortens.
+    Edge {
+        /// How often the triangles around a corner cross, on average.
+        crowd: f64,
+    },
+}
 
 /// Completes the first two weights to three. Corners that are not part of the feature get 0.
 pub(super) fn completed(feature: Feature, [first, second]: [f32; 2]) -> [f64; 3] {
@@ -59,19 +76,21 @@ pub(super) fn weights_of(record: &CompactContact) -> [[f64; 3]; 2] {
     [completed(record.features.a, record.barycentric_a), completed(record.features.b, record.barycentric_b)]
 }
 
-/// The constraint of a crossing for which no side is remembered. With `back`, the first side moves along it, because a
-/// cut-off part moves back as a whole. Otherwise the edge moves so that the intersection contour shortens.
+/// The constraint of a crossing for which no side is remembered.
 pub(super) fn untangling(
     particles: &Particles,
     pair: &StoredPair,
     record: &CompactContact,
     [a, b]: [[u32; 3]; 2],
     firsts: [Option<usize>; 2],
-    back: Option<DVec3>,
+    move_back: MoveBack,
 ) -> Option<ContactConstraint> {
-    let (normal, way) = match back {
-        Some(back) => (back, WAY_BACK),
-        None => (shortening(particles, pair, record, [a, b], firsts)?, WAY_OF_EDGE),
+    let (normal, way) = match move_back {
+        MoveBack::Part(back) => (back, WAY_BACK),
+        MoveBack::Edge { crowd } => {
+            let way = WAY_OF_EDGE * (CROWD / crowd).min(1.0).powi(2);
+            (shortening(particles, pair, record, [a, b], firsts)?, way)
+        }
     };
     let entries = weighted([a, b], weights_of(record));
     let distance = f64::from(pair.contact_distance_at(record));

@@ -1,5 +1,7 @@
 //! Sheets that cross at the start, when their sides are unknown.
 
+use std::f32::consts::FRAC_PI_2;
+
 use bevy_circumsphere::{ContactStore, prelude::*, response::*};
 use bevy_math::ops;
 use bevy_transform::components::Transform;
@@ -7,7 +9,7 @@ use circumsphere_support::{
     random::Random,
     scenes::{Diagonals, grid, icosphere},
 };
-use glam::Vec3;
+use glam::{Quat, Vec3};
 
 use crate::harness::{Scene, ticks_in};
 
@@ -149,4 +151,32 @@ fn lies_still(speed: f32) {
     scene.run(100);
     assert_eq!([crossings(&scene), passed(&scene)], [0, 0]);
     assert!(scene.fastest(cloth) < 0.05, "{} m/s", scene.fastest(cloth));
+}
+
+/// A cloth that self-collision alone does not keep apart: its halves strike each other at several meters per second, and
+/// cross.
+#[test]
+fn a_cloth_that_crosses_itself_all_over_crumples_no_further() {
+    let bar = (SharedShape::cylinder(1.0, 0.02), Transform::from_rotation(Quat::from_rotation_z(FRAC_PI_2)));
+    let post = (SharedShape::cuboid(0.2, 0.5, 0.2), Transform::from_xyz(0.0, -0.5, 0.0));
+    for ((shape, place), height, rate) in [(bar, 0.05, 60.0), (post, 1.0, 30.0)] {
+        let mut scene = Scene::new();
+        let cloth = grid(40, 40, 1.0, 1.0, Diagonals::Alternating).translate([0.0, height, 0.0]);
+        let triangles = cloth.triangles.len();
+        let cloth = scene.add(&cloth, XpbdMaterial::CLOTH, (SelfCollision, SurfaceThickness::World(0.004)));
+        scene.app.world_mut().spawn((RigidShape(shape), place));
+        let ground = SharedShape::halfspace(Vec3::Y);
+        scene.app.world_mut().spawn((RigidShape(ground), Transform::from_xyz(0.0, -1.7, 0.0)));
+        let mut most = 0;
+        for _ in 0..ticks_in(2.5, rate) {
+            scene.tick(1.0 / rate);
+            most = most.max(crossings(&scene));
+            let contacts = scene.diagnostics().contacts;
+            assert!(contacts < 10 * triangles, "{rate} Hz: {contacts} contacts of {triangles} triangles");
+        }
+        assert!(most > 100, "{rate} Hz: only {most} pairs ever cross");
+        let squares = scene.body(cloth).velocities.iter().map(|velocity| velocity.length_squared());
+        let speed = (squares.sum::<f32>() / scene.positions(cloth).len() as f32).sqrt();
+        assert!(speed < 0.6, "{rate} Hz: {speed} m/s, root mean square");
+    }
 }

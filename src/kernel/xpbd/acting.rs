@@ -361,8 +361,7 @@ impl<const N: usize> ActingBlock<N> {
         let left = &mut common.left;
         inverse.simd_gt(zeros).select(separation, f32x8::from_slice(simd, left)).store_slice(left);
         common.pressed = self.multiplier;
-        let push =
-            normal.scaled(f32x8::from_slice(simd, &self.multiplier)).plus(VectorLanes::load(simd, sliding));
+        let push = normal.scaled(f32x8::from_slice(simd, &self.multiplier)).plus(VectorLanes::load(simd, sliding));
         push.store(sliding);
         VectorLanes::load(simd, &common.pushes).plus(push).store(&mut common.pushes);
         let presses = f32x8::from_slice(simd, &self.multiplier).simd_gt(zeros);

@@ -16,6 +16,12 @@ use crate::{
 };
 
 impl Gatherer {
+    /// How often the triangles around a corner of two that cross do so, on average.
+    pub(super) fn crowd(&self, corners: [[u32; 3]; 2]) -> f64 {
+        let crossings = corners.iter().flatten().filter_map(|corner| self.tangled.get(corner));
+        f64::from(crossings.sum::<u32>()) / 6.0
+    }
+
     /// Finds the crossings of two surfaces without an inside, or of a body with itself.
     pub(super) fn find_tangled(&mut self, particles: &mut Particles, scene: &Scene<'_, '_>, pair: &StoredPair) {
         self.tangled.clear();
@@ -36,7 +42,9 @@ impl Gatherer {
             let triangles = [record.triangle_a, record.triangle_b];
             let corners = [0, 1].map(|k| self.corners(particles, scene, &sides[k], &pair.poses[k], triangles[k]));
             let [Some(corners_a), Some(corners_b)] = corners else { continue };
-            self.tangled.extend(corners_a.into_iter().chain(corners_b));
+            for corner in corners_a.into_iter().chain(corners_b) {
+                *self.tangled.entry(corner).or_default() += 1;
+            }
             let at = |corner: u32| particles.start[corner as usize];
             for (k, feature) in [record.features.a, record.features.b].into_iter().enumerate() {
                 crossing[k].extend(topologies[k].triangles_beside(triangles[k]));

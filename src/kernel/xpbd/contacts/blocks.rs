@@ -7,7 +7,10 @@ use super::{Contact, ContactBlock, FeatureParticles, Plane};
 use crate::kernel::{
     simd::lanes::{VectorLanes, VectorRows, WIDTH},
     xpbd::{
-        acting::{ActingBlock, Common, Driven, Evaluation, Free, SHALLOW, SlidingBlock, gather_all, load_all, weighted_sum, zero},
+        acting::{
+            ActingBlock, Common, Driven, Evaluation, Free, SHALLOW, SlidingBlock, gather_all, load_all, weighted_sum,
+            zero,
+        },
         coloring::{Block, NONE, lanes_of},
         features::{FeatureKind, Meeting, edge_edge, vertex_face},
         rows::{MovingRows, NOBODY, Places, row_of, set_lane},
