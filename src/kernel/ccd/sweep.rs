@@ -239,9 +239,10 @@ impl Sweep<'_> {
             for pair in &mut *candidates {
                 pair[0] = items[pair[0] as usize];
             }
-            let corners = self.a.0.topology.welded_triangles();
-            let are_neighbors = |[a, b]: [u32; 2]| share_corner(corners[a as usize], corners[b as usize]);
-            candidates.retain(|&pair| !self.same_surface || !are_neighbors(pair));
+            if self.same_surface {
+                let corners = self.a.0.topology.welded_triangles();
+                candidates.retain(|&[a, b]| !share_corner(corners[a as usize], corners[b as usize]));
+            }
         }
         let (asks_second, farther) = (self.asks_second(), self.way_of_frame().length());
         let is_requested = |[first, second]: [u32; 2]| {
