@@ -95,42 +95,17 @@ impl Coloring {
         particles_of: impl Fn(u32) -> [u32; N],
         blocks: &mut Vec<Block>,
     ) {
-        self.append(particles, count, particles_of, false, blocks);
-    }
-
-    /// As [`blocks`](Self::blocks), in fewer blocks: where there are many colors, each would leave lanes empty in its last
-    /// block. What the colors leave after their full blocks is colored again, one block for each color.
-    pub fn dense_blocks<const N: usize>(
-        &mut self,
-        particles: usize,
-        count: usize,
-        particles_of: impl Fn(u32) -> [u32; N],
-        blocks: &mut Vec<Block>,
-    ) {
-        self.append(particles, count, particles_of, true, blocks);
-    }
-
-    fn append<const N: usize>(
-        &mut self,
-        particles: usize,
-        count: usize,
-        particles_of: impl Fn(u32) -> [u32; N],
-        is_dense: bool,
-        blocks: &mut Vec<Block>,
-    ) {
         let Self { used, colors, waiting, refused } = self;
         used.resize(used.len().max(particles), 0);
         colors.resize_with(COLORS, Vec::new);
         waiting.clear();
         waiting.extend(0..count as u32);
-        let mut most = usize::MAX;
         while !waiting.is_empty() {
             refused.clear();
-            let mut full = 0;
             for &constraint in &*waiting {
                 let places = particles_of(constraint);
                 let taken =
-                    places.iter().filter(|&&place| place != NONE).fold(full, |all, &place| all | used[place as usize]);
+                    places.iter().filter(|&&place| place != NONE).fold(0, |all, &place| all | used[place as usize]);
                 let color = taken.trailing_ones() as usize;
                 if color == COLORS {
                     refused.push(constraint);
@@ -140,7 +115,6 @@ impl Coloring {
                     used[place as usize] |= 1 << color;
                 }
                 colors[color].push(constraint);
-                full |= u64::from(colors[color].len() == most) << color;
             }
             for &constraint in &*waiting {
                 for place in particles_of(constraint).into_iter().filter(|&place| place != NONE) {
@@ -148,21 +122,14 @@ impl Coloring {
                 }
             }
             for color in &mut *colors {
-                let (full, rest) = color.as_chunks::<WIDTH>();
-                blocks.extend(full);
-                if is_dense && most > WIDTH {
-                    refused.extend(rest);
-                } else if !rest.is_empty() {
+                blocks.extend(color.chunks(WIDTH).map(|constraints| {
                     let mut block = [NONE; WIDTH];
-                    block[..rest.len()].copy_from_slice(rest);
-                    blocks.push(block);
-                }
+                    block[..constraints.len()].copy_from_slice(constraints);
+                    block
+                }));
                 color.clear();
             }
             std::mem::swap(waiting, refused);
-            if is_dense {
-                most = WIDTH;
-            }
         }
     }
 }
@@ -184,36 +151,24 @@ mod tests {
         let chain: Vec<[u32; 2]> = (0..199).map(|place| [place, place + 1]).collect();
         let mut number = || random.unit().to_bits() as u32 % 100;
         let wild: Vec<[u32; 2]> = (0..500).map(|_| [number(), number()]).filter(|[a, b]| a != b).collect();
-        let mut counts = Vec::new();
         for constraints in [star, chain, wild] {
-            let particles_of = |place: u32| constraints[place as usize];
-            let (mut blocks, mut dense) = (Vec::new(), Vec::new());
-            coloring.blocks(200, constraints.len(), particles_of, &mut blocks);
-            coloring.dense_blocks(200, constraints.len(), particles_of, &mut dense);
-            counts.push([constraints.len(), blocks.len(), dense.len()]);
-            for blocks in [&blocks, &dense] {
-                let mut seen = BTreeSet::new();
-                for block in blocks {
-                    let mut particles = BTreeSet::new();
-                    for &constraint in block.iter().filter(|&&constraint| constraint != NONE) {
-                        assert!(seen.insert(constraint));
-                        for particle in constraints[constraint as usize] {
-                            assert!(particles.insert(particle), "{particle} twice in a block");
-                        }
+            let mut blocks = Vec::new();
+            coloring.blocks(200, constraints.len(), |place| constraints[place as usize], &mut blocks);
+            let mut seen = BTreeSet::new();
+            for block in &blocks {
+                let mut particles = BTreeSet::new();
+                for &constraint in block.iter().filter(|&&constraint| constraint != NONE) {
+                    assert!(seen.insert(constraint));
+                    for particle in constraints[constraint as usize] {
+                        assert!(particles.insert(particle), "{particle} twice in a block");
                     }
                 }
-                assert_eq!(seen.len(), constraints.len());
             }
+            assert_eq!(seen.len(), constraints.len());
             // Nothing is left of one call in the next.
             let mut again = Vec::new();
-            coloring.blocks(200, constraints.len(), particles_of, &mut again);
+            coloring.blocks(200, constraints.len(), |place| constraints[place as usize], &mut again);
             assert_eq!(blocks, again);
-        }
-        // Constraints of the star all have a particle in common. Of the others, dense blocks leave few lanes empty.
-        let [star, others @ ..] = &counts[..] else { panic!("{counts:?}") };
-        assert_eq!(star[1..], [star[0]; 2]);
-        for &[constraints, plain, dense] in others {
-            assert!(dense <= plain && 10 * dense < constraints * 12 / WIDTH + 20, "{counts:?}");
         }
     }
 

@@ -194,7 +194,7 @@ impl<B: ContactBlock<N>, const N: usize> ContactBlocks<B, N> {
             let contacts = &contacts[batch];
             numbers.clear();
             let particles_of = |contact: u32| B::particles(&contacts[contact as usize].parts).map(moved);
-            coloring.dense_blocks(start.len(), contacts.len(), particles_of, numbers);
+            coloring.blocks(start.len(), contacts.len(), particles_of, numbers);
             blocks.extend(numbers.iter().map(|numbers| {
                 let mut common = Common::EMPTY;
                 lanes_of(numbers).for_each(|(lane, number)| common.set(lane, &contacts[number]));
