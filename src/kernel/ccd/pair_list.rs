@@ -5,7 +5,10 @@
 
 use glam::DVec3;
 
-use super::triangle_pair::{CommonVertices, MovingTriangle, TriangleImpact, triangle_pair_impact};
+use super::{
+    advance::ImpactCause,
+    triangle_pair::{CommonVertices, MovingTriangle, TriangleImpact, triangle_pair_impact_by},
+};
 use crate::kernel::mesh::topology::SurfaceTopology;
 
 /// One moving side of a list of pairs, in a frame common to both sides and to both ends of the step.
@@ -51,6 +54,8 @@ pub fn first_impacts<Position: Copy + Into<DVec3>>(
     separation: f64,
     impacts: &mut Vec<PairImpact>,
 ) {
+    // Neighbors in the list are often separated by the same plane.
+    let mut normal = DVec3::ZERO;
     impacts.extend(candidates.iter().filter_map(|&[triangle_a, triangle_b]| {
         let common = if same_surface {
             let vertices =
@@ -59,7 +64,44 @@ pub fn first_impacts<Position: Copy + Into<DVec3>>(
         } else {
             CommonVertices::NONE
         };
-        let impact = triangle_pair_impact(&a.triangle(triangle_a), &b.triangle(triangle_b), &common, separation)?;
+        let (one, other) = (a.triangle(triangle_a), b.triangle(triangle_b));
+        let impact = triangle_pair_impact_by(&one, &other, &common, separation, &mut normal)?;
         Some(PairImpact { triangle_a, triangle_b, impact })
     }));
+}
+
+/// Appends the impacts of triangles of a mesh with a convex solid: of each triangle, those that begin within the
+/// separation or crossing, the first of the others, and some later ones. Nothing gets past the first to what lies behind.
+///
+/// A thin cylinder has hundreds of triangles in the way of one triangle of a cloth. After the first few, most of them
+/// cannot come earlier, which a plane shows. Sorts the candidates by the mesh's triangles.
+pub(super) fn impacts_with_solid(
+    mesh: &MovingSide<'_, DVec3>,
+    solid: &MovingSide<'_, DVec3>,
+    candidates: &mut [[u32; 2]],
+    separation: f64,
+    impacts: &mut Vec<PairImpact>,
+) {
+    candidates.sort_unstable();
+    let mut normal = DVec3::ZERO;
+    for group in candidates.chunk_by(|one, other| one[0] == other[0]) {
+        let mut until = 1.0;
+        for &[triangle_a, triangle_b] in spread(group) {
+            let (a, b) = (mesh.triangle(triangle_a).until(until), solid.triangle(triangle_b).until(until));
+            let found = triangle_pair_impact_by(&a, &b, &CommonVertices::NONE, separation, &mut normal);
+            let Some(mut impact) = found else { continue };
+            impact.time *= until;
+            impacts.push(PairImpact { triangle_a, triangle_b, impact });
+            if !matches!(impact.cause, ImpactCause::Within | ImpactCause::Crossing) {
+                until = impact.time;
+            }
+        }
+    }
+}
+
+/// All items of a list, in an order in which the first few are from all over it.
+fn spread<T>(items: &[T]) -> impl Iterator<Item = &T> {
+    let size = items.len().next_power_of_two();
+    let unused = usize::BITS - size.trailing_zeros();
+    (0..size).filter_map(move |place| items.get(place.reverse_bits().checked_shr(unused).unwrap_or(0)))
 }

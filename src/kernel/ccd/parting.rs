@@ -8,31 +8,139 @@ use glam::DVec3;
 
 use super::advance::{HEIGHT_ERROR, LENGTH_SLACK};
 
+/// Planes that are tried. The search ends when they are through: then a plane may exist, which the caller must allow for.
+/// In four recorded scenes, 88 to 98 of 100 pairs that do not meet were found with 8, and no more with 64.
+const MOST_PLANES: usize = 8;
+
 /// Whether the hulls of two sets of points certainly stay more than `separation` apart from the start of a step, `[0]`,
-/// to its end: along a coordinate axis, or on both sides of a plane between their means where these come closest.
+/// to its end: along a coordinate axis, or on both sides of a plane.
+///
+/// `normal` is that of the plane to try first, or zero, and becomes that of a plane that separates them. It is worth keeping
+/// for sets that are near these.
+///
+/// The plane is searched for as in the distance algorithm of E. Gilbert, D. Johnson and S. Keerthi (1988), applied to the
+/// differences between both sets at both ends. The search begins with the difference of their means where these come
+/// closest. Whether a plane separates is decided for itself, so errors in the search only cost planes.
 pub(super) fn stay_apart<const A: usize, const B: usize>(
     a: [&[DVec3; A]; 2],
     b: [&[DVec3; B]; 2],
     separation: f64,
+    normal: &mut DVec3,
 ) -> bool {
-    let [start, end] = [0, 1].map(|time| Differences::new(a[time], b[time]));
+    let (start, end) = (Differences::new(a[0], b[0]), Differences::new(a[1], b[1]));
     let (low, high) = (start.low.min(end.low), start.high.max(end.high));
     // The coordinates of differences, and of each set relative to one of its points, are at most twice the largest.
     let within = separation * LENGTH_SLACK + 2.0 * HEIGHT_ERROR * low.abs().max(high.abs()).max_element();
     if low.max(-high).max_element() > within {
         return true;
     }
+    let lowest = |normal: DVec3| {
+        let (start, end) = (Lowest::new(a[0], b[0], normal), Lowest::new(a[1], b[1], normal));
+        if end.height < start.height { end } else { start }
+    };
+    // Written so that NaN counts as no plane.
+    let separates = |lowest: &Lowest, normal: DVec3| lowest.height > within * normal.length();
+    if separates(&lowest(*normal), *normal) {
+        return true;
+    }
     let way = end.middle - start.middle;
     let squared = way.length_squared();
     let time = if squared > 0.0 { (-start.middle.dot(way) / squared).clamp(0.0, 1.0) } else { 0.0 };
-    let normal = start.middle + way * time;
-    let gap = |time: usize| {
-        let origin = b[time][0];
-        let height = |point: &DVec3| normal.dot(*point - origin);
-        let lowest = a[time].iter().map(height).fold(f64::INFINITY, f64::min);
-        lowest - b[time][1..].iter().map(height).fold(0.0, f64::max)
-    };
-    gap(0).min(gap(1)) > within * normal.length()
+    let mut closest = Simplex::new(start.middle + way * time);
+    for _ in 0..MOST_PLANES {
+        let lowest = lowest(closest.point);
+        if separates(&lowest, closest.point) {
+            *normal = closest.point;
+            return true;
+        }
+        if !closest.come_closer(lowest.difference) {
+            return false;
+        }
+    }
+    false
+}
+
+/// The lowest difference between the points of two sets along a normal.
+struct Lowest {
+    height: f64,
+    difference: DVec3,
+}
+
+impl Lowest {
+    #[inline]
+    fn new<const A: usize, const B: usize>(a: &[DVec3; A], b: &[DVec3; B], normal: DVec3) -> Self {
+        // Relative to one of the points, so that distance from the origin costs no precision.
+        let origin = b[0];
+        let (mut lowest, mut point_a) = (f64::INFINITY, origin);
+        for &point in a {
+            let height = normal.dot(point - origin);
+            if height < lowest {
+                (lowest, point_a) = (height, point);
+            }
+        }
+        let (mut highest, mut point_b) = (0.0, origin);
+        for &point in &b[1..] {
+            let height = normal.dot(point - origin);
+            if height > highest {
+                (highest, point_b) = (height, point);
+            }
+        }
+        Self { height: lowest - highest, difference: point_a - point_b }
+    }
+}
+
+/// The point of a triangle, segment or single point that is closest to the origin.
+#[derive(Clone, Copy)]
+struct Simplex {
+    corners: [DVec3; 3],
+    count: usize,
+    point: DVec3,
+}
+
+impl Simplex {
+    const fn new(point: DVec3) -> Self {
+        Self { corners: [point; 3], count: 1, point }
+    }
+
+    /// Moves on to the smallest simplex with the given corner, and some of the own ones, that is closest to the origin.
+    /// Returns whether it is closer.
+    fn come_closer(&mut self, corner: DVec3) -> bool {
+        let Self { corners, count, point } = *self;
+        let edges = [corners[0] - corner, corners[1] - corner, corners[2] - corner];
+        let squares = [edges[0].length_squared(), edges[1].length_squared(), edges[2].length_squared()];
+        let ahead = [-corner.dot(edges[0]), -corner.dot(edges[1]), -corner.dot(edges[2])];
+        let mut least = point.length_squared();
+        let mut keep = |corners: [DVec3; 3], count: usize, point: DVec3| {
+            let squared = point.length_squared();
+            let is_closer = squared < least;
+            if is_closer {
+                least = squared;
+                *self = Self { corners, count, point };
+            }
+            is_closer
+        };
+        let mut is_closer = false;
+        for own in 0..count {
+            let share = if squares[own] > 0.0 { (ahead[own] / squares[own]).clamp(0.0, 1.0) } else { 0.0 };
+            is_closer |= keep([corners[own], corner, corner], 2, corner + edges[own] * share);
+        }
+        let faces: &[[usize; 2]] = match count {
+            1 => &[],
+            2 => &[[0, 1]],
+            _ => &[[0, 1], [1, 2], [2, 0]],
+        };
+        for &[one, other] in faces {
+            let across = edges[one].dot(edges[other]);
+            let area = squares[one] * squares[other] - across * across;
+            let along_one = ahead[one] * squares[other] - ahead[other] * across;
+            let along_other = ahead[other] * squares[one] - ahead[one] * across;
+            if along_one > 0.0 && along_other > 0.0 && along_one + along_other < area {
+                let inside = corner + (edges[one] * along_one + edges[other] * along_other) / area;
+                is_closer |= keep([corners[one], corners[other], corner], 3, inside);
+            }
+        }
+        is_closer
+    }
 }
 
 /// Like [`stay_apart`], for two triangles with one common vertex. `a` and `b` are their other corners relative to it,
@@ -69,4 +177,62 @@ fn span<const COUNT: usize>(points: &[DVec3; COUNT]) -> (DVec3, DVec3, DVec3) {
         (low, high, sum) = (low.min(point), high.max(point), sum + point);
     }
     (low, high, sum * (1.0 / COUNT as f64))
+}
+
+#[cfg(test)]
+mod tests {
+    use circumsphere_support::random::Random;
+
+    use super::*;
+
+    fn vector(random: &mut Random) -> DVec3 {
+        DVec3::from([0; 3].map(|_| f64::from(random.signed_unit())))
+    }
+
+    /// The lowest difference along a normal, at either end.
+    fn gap(a: &[[DVec3; 3]; 2], b: &[[DVec3; 3]; 2], normal: DVec3) -> f64 {
+        let heights = (0..2).flat_map(|time| {
+            a[time].into_iter().flat_map(move |one| b[time].into_iter().map(move |other| normal.dot(one - other)))
+        });
+        heights.fold(f64::INFINITY, f64::min)
+    }
+
+    #[test]
+    fn a_plane_is_found_if_there_is_one_and_separates() {
+        let mut random = Random::new(83);
+        let (mut found, mut by_first, mut crossing) = (0, 0, 0);
+        for _ in 0..10_000 {
+            // On both sides of a plane, which may be a long way from the first guess: triangles may be slivers.
+            let normal = vector(&mut random).normalize();
+            let gap_of = 10.0_f64.powf(-3.0 * random.unit());
+            let stretch = vector(&mut random) * 10.0_f64.powf(2.0 * random.unit());
+            let mut side = |sign: f64| {
+                [0; 2].map(|_| {
+                    [0; 3].map(|_| {
+                        let point = vector(&mut random) + stretch * f64::from(random.signed_unit());
+                        let height = normal.dot(point);
+                        point + normal * (sign * (0.5 * gap_of + height.abs()) - height)
+                    })
+                })
+            };
+            let (a, b) = (side(1.0), side(-1.0));
+            let separation = 0.5 * gap_of;
+            let sides = ([&a[0], &a[1]], [&b[0], &b[1]]);
+            let mut own = DVec3::ZERO;
+            if stay_apart(sides.0, sides.1, separation, &mut own) {
+                found += 1;
+                assert!(own == DVec3::ZERO || gap(&a, &b, own.normalize()) > separation, "{a:?} {b:?}");
+                // The plane of this pair is the first to be tried for a pair like it.
+                let again = own;
+                assert!(stay_apart(sides.0, sides.1, separation, &mut own) && own == again);
+            }
+            let means = |points: &[[DVec3; 3]; 2]| points.as_flattened().iter().sum::<DVec3>() / 6.0;
+            by_first += usize::from(gap(&a, &b, (means(&a) - means(&b)).normalize()) > separation);
+            // Nothing separates them if one passes from one side of the other to the other side.
+            let swapped = [[&a[0], &b[1]], [&b[0], &a[1]]];
+            crossing += usize::from(stay_apart(swapped[0], swapped[1], separation, &mut DVec3::ZERO));
+        }
+        assert!(found > 9_900 && by_first < 7_000, "{found} of 10,000, by the means {by_first}");
+        assert!(crossing < 9_000, "most are not in each other's way: {crossing}");
+    }
 }

@@ -9,7 +9,7 @@ use std::ops::Range;
 use glam::DVec3;
 
 use super::{
-    pair_list::{MovingSide, PairImpact, first_impacts},
+    pair_list::{MovingSide, PairImpact, first_impacts, impacts_with_solid},
     stars::PlainStars,
     sweep_tree::{SweepTree, moved_along, outward_box, rounded_up},
     triangle_pair::MovingTriangle,
@@ -28,6 +28,9 @@ use crate::kernel::{
 
 /// Leaves of eight triangles whose pairs are found and tested at a time. Limits how many candidates wait.
 pub const SWEEP_PART: usize = 4;
+
+/// A convex solid with more triangles than this is queried, so that all its pairs with a triangle are tested together.
+const MANY_TRIANGLES: usize = 64;
 
 /// A mesh whose vertices move in straight lines from the start of a step to its end.
 ///
@@ -90,6 +93,9 @@ pub struct Sweep<'a> {
     /// Whether both are one surface. If so, triangles are paired once, the lower one first, and features that share a
     /// welded vertex are left out.
     pub same_surface: bool,
+    /// Whether the second mesh encloses a convex solid, and only the first impacts with it matter. If so, triangles of the
+    /// first mesh that meet it during the step are listed once or a few times instead of with everything in their way.
+    pub is_solid: bool,
     /// The distance that counts as an impact, 0 or more.
     pub separation: f64,
 }
@@ -125,10 +131,11 @@ impl SweepLeaves {
 
 impl Sweep<'_> {
     /// Whether the first side is cut into leaves, and the tree of the second one is queried. Of two meshes, the larger
-    /// one's tree is queried, if it is up to date.
+    /// one's tree is queried, if it is up to date, or that of a large convex solid.
     fn asks_second(&self) -> bool {
         let size = |tree: &SweepTree| (tree.tree().is_some(), tree.boxes().len());
-        self.same_surface || size(self.b.1) >= size(self.a.1)
+        let is_large = self.is_solid && size(self.b.1) > (true, MANY_TRIANGLES);
+        self.same_surface || is_large || size(self.b.1) >= size(self.a.1)
     }
 
     /// The side that is cut into leaves, and the side whose tree is queried. The pair is swept in the frame of the latter.
@@ -269,7 +276,12 @@ impl Sweep<'_> {
         let others = candidates.len();
         candidates.extend(around.iter().filter(|&&pair| is_requested(pair)));
         count += candidates.len() - others;
-        first_impacts(&self.a.0.side(), &self.b.0.side(), self.same_surface, candidates, self.separation, impacts);
+        let (a, b) = (self.a.0.side(), self.b.0.side());
+        if self.is_solid {
+            impacts_with_solid(&a, &b, candidates, self.separation, impacts);
+        } else {
+            first_impacts(&a, &b, self.same_surface, candidates, self.separation, impacts);
+        }
         count
     }
 
@@ -343,7 +355,7 @@ pub fn sweep(
     buffers: &mut SweepBuffers,
     impacts: &mut Vec<PairImpact>,
 ) -> usize {
-    let sweep = Sweep { a: (*a, tree_a), b: (*b, tree_b), same_surface, separation };
+    let sweep = Sweep { a: (*a, tree_a), b: (*b, tree_b), same_surface, is_solid: false, separation };
     sweep.collect(&Sequential, &mut buffers.leaves);
     let (first, mut candidates) = (impacts.len(), 0);
     let count = buffers.leaves.len();

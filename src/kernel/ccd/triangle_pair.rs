@@ -27,6 +27,16 @@ pub struct MovingTriangle {
 }
 
 impl MovingTriangle {
+    /// The part of the step that ends at a time, 0 to 1.
+    pub(super) fn until(self, time: f64) -> Self {
+        let end = if time < 1.0 {
+            std::array::from_fn(|corner| self.start[corner].lerp(self.end[corner], time))
+        } else {
+            self.end
+        };
+        Self { end, ..self }
+    }
+
     /// The motions of its corners.
     pub(super) fn motions(&self) -> [DVec3; 3] {
         std::array::from_fn(|corner| self.end[corner] - self.start[corner])
@@ -94,7 +104,19 @@ pub fn triangle_pair_impact(
     common: &CommonVertices,
     separation: f64,
 ) -> Option<TriangleImpact> {
-    let clear = clear_from_start(a, b, common, separation)?;
+    triangle_pair_impact_by(a, b, common, separation, &mut DVec3::ZERO)
+}
+
+/// [`triangle_pair_impact`], with the normal of a plane that has separated a pair of triangles near these. Writes that of a
+/// plane that separates these, if it finds one.
+pub(super) fn triangle_pair_impact_by(
+    a: &MovingTriangle,
+    b: &MovingTriangle,
+    common: &CommonVertices,
+    separation: f64,
+    normal: &mut DVec3,
+) -> Option<TriangleImpact> {
+    let clear = clear_from_start(a, b, common, separation, normal)?;
     if clear > 1.0 {
         return None;
     }
@@ -182,14 +204,20 @@ fn keep_earlier(first: &mut Option<TriangleImpact>, found: TriangleImpact) {
 /// How long planes along the faces certainly keep the triangles farther than `separation` apart: 0 if they touch or
 /// share a vertex, infinite if for the whole step. `None` if a quick test shows that they stay apart, or if a
 /// coordinate is not finite.
-fn clear_from_start(a: &MovingTriangle, b: &MovingTriangle, common: &CommonVertices, separation: f64) -> Option<f64> {
+fn clear_from_start(
+    a: &MovingTriangle,
+    b: &MovingTriangle,
+    common: &CommonVertices,
+    separation: f64,
+    normal: &mut DVec3,
+) -> Option<f64> {
     let all = [&a.start, &a.end, &b.start, &b.end];
     if common.any() {
         let is_finite = all.into_iter().flatten().all(|corner| corner.is_finite());
         return (is_finite && !common.only().is_some_and(|corners| stay_apart_about(a, b, corners, separation)))
             .then_some(0.0);
     }
-    if stay_apart([&a.start, &a.end], [&b.start, &b.end], separation) {
+    if stay_apart([&a.start, &a.end], [&b.start, &b.end], separation, normal) {
         return None;
     }
     let differences = |a: &[DVec3; 3], b: &[DVec3; 3]| -> [DVec3; 9] { std::array::from_fn(|k| a[k / 3] - b[k % 3]) };

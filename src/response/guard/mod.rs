@@ -19,7 +19,7 @@ use bevy_platform::collections::HashMap;
 use glam::DVec3;
 
 use self::{
-    impacts::{deeper, is_met},
+    impacts::{deeper, is_met, keep_first},
     mesh::{Kept, Mesh, MeshName, MeshPair},
     project::{Answers, Planes},
     ways::{Carry, MOST_ROUNDS, Ways, hold, way_of},
@@ -192,7 +192,9 @@ impl Guard {
             let (swept_a, swept_b) = (mesh_a.swept(particles), mesh_b.swept(particles));
             let sides = ((swept_a, &mesh_a.tree), (swept_b, &mesh_b.tree));
             let filter = PairFilter::between(&mesh_a.filter, &mesh_b.filter, a == b, game.as_ref());
-            let sweep = Sweep { a: sides.0, b: sides.1, same_surface: a == b, separation };
+            // What the game leaves out must not hide what is behind it.
+            let is_solid = mesh_b.shape.is_some() && filter.is_none();
+            let sweep = Sweep { a: sides.0, b: sides.1, same_surface: a == b, is_solid, separation };
             sweeping.run(&sweep, filter.as_ref(), threads.0, impacts);
             let before = found.len();
             let is_round = mesh_a.radius + mesh_b.radius > 0.0;
@@ -209,6 +211,9 @@ impl Guard {
                     cause => is_met(cause).then_some((*pair, impact)),
                 }
             }));
+            if is_solid && !is_round {
+                keep_first(found, before);
+            }
             if a == b && impacts.len() > MOST_OWN_IMPACTS * mesh_a.topology.vertex_count() {
                 found.truncate(before);
                 jammed.push(a);

@@ -404,7 +404,7 @@ fn parts_of_any_length_find_the_same() {
         let (tree_a, tree_b) = (tree_of(&a, same), tree_of(&b, true));
         let expected = if same { swept_self(&a, true) } else { swept(&a, &b, Trees::Second, 0.0) };
         assert!(expected.len() > 10);
-        let sweep = Sweep { a: (a, &tree_a), b: (b, &tree_b), same_surface: same, separation: 0.0 };
+        let sweep = Sweep { a: (a, &tree_a), b: (b, &tree_b), same_surface: same, is_solid: false, separation: 0.0 };
         let mut leaves = SweepLeaves::default();
         sweep.collect(&Sequential, &mut leaves);
         for length in [1, 3] {
@@ -526,6 +526,74 @@ fn coordinates_that_are_not_finite_meet_nothing_and_others_beyond_single_precisi
     let b = SweptMesh { start: &other, end: &other, ..b.mesh() };
     let times = |impacts: &[PairImpact]| impacts.iter().map(|found| found.impact.time).collect::<Vec<_>>();
     assert_eq!(times(&swept(&a, &b, Trees::Second, 0.0)), times(&whole));
+}
+
+/// A prism about the x axis with so many sides, of radius 0.2.
+fn prism(sides: u32) -> Body {
+    let rim = |x: f64| {
+        (0..sides).map(move |side| {
+            let (sine, cosine) = (std::f64::consts::TAU * f64::from(side) / f64::from(sides)).sin_cos();
+            DVec3::new(x, 0.2 * cosine, 0.2 * sine)
+        })
+    };
+    let positions = [DVec3::NEG_X, DVec3::X].into_iter().chain(rim(-1.0)).chain(rim(1.0)).collect();
+    let triangles = (0..sides).flat_map(|side| {
+        let (here, next) = (2 + side, 2 + (side + 1) % sides);
+        let (across, across_next) = (here + sides, next + sides);
+        [[0, next, here], [1, across, across_next], [here, next, across], [next, across_next, across]]
+    });
+    Body::new(positions, &triangles.collect::<Vec<_>>())
+}
+
+#[test]
+fn of_the_impacts_with_a_convex_solid_the_first_are_found() {
+    let mut random = Random::new(79);
+    for sides in [4, 12, 100] {
+        let (mut all, mut listed, mut within) = (0, 0, 0);
+        for round in 0..6 {
+            let (mut sheet, mut solid) = (sheet(12, 1.0), prism(sides));
+            let turn = DQuat::from_axis_angle(random.direction(), random.range(0.0, 6.0));
+            // In some rounds some of the sheet begins in the solid.
+            sheet.translate(DVec3::Z * if round % 2 == 0 { 0.4 } else { 0.15 });
+            sheet.start.iter_mut().for_each(|position| *position = turn * *position);
+            sheet.move_each(|_| turn * DVec3::NEG_Z * 0.8 + random.vector() * 0.1);
+            if round % 3 == 0 {
+                solid.move_each(|_| DVec3::new(0.05, -0.1, 0.1));
+            }
+            let (a, b) = (sheet.mesh(), solid.mesh());
+            let [expected, _] = one_by_one(&a, &b, false, 0.001);
+            let (tree_a, tree_b) = (tree_of(&a, true), tree_of(&b, true));
+            let sweep =
+                Sweep { a: (a, &tree_a), b: (b, &tree_b), same_surface: false, is_solid: true, separation: 0.001 };
+            let (mut leaves, mut impacts) = (SweepLeaves::default(), Vec::new());
+            sweep.collect(&Sequential, &mut leaves);
+            sweep.append_part(&leaves, 0..leaves.len(), &mut Vec::new(), &mut impacts);
+            let begins =
+                |found: &&PairImpact| matches!(found.impact.cause, ImpactCause::Within | ImpactCause::Crossing);
+            for triangle in 0..sheet.count() {
+                let of = |impacts: &[PairImpact], begun: bool| -> Vec<PairImpact> {
+                    let own = |found: &&PairImpact| found.triangle_a == triangle && begins(found) == begun;
+                    impacts.iter().filter(own).copied().collect()
+                };
+                let first = |impacts: &[PairImpact]| {
+                    of(impacts, false).iter().map(|found| found.impact.time).fold(f64::INFINITY, f64::min)
+                };
+                let (own, others) = (first(&impacts), first(&expected));
+                assert!(own == others || (own - others).abs() < 1.0e-9, "{sides}, {triangle}: {own}, {others}");
+                let names = |impacts: &[PairImpact]| {
+                    let mut names: Vec<u32> = of(impacts, true).iter().map(|found| found.triangle_b).collect();
+                    names.sort_unstable();
+                    names
+                };
+                assert_eq!(names(&impacts), names(&expected), "{sides}, {triangle}");
+            }
+            within += impacts.iter().filter(begins).count();
+            listed += impacts.iter().filter(|found| !begins(found)).count();
+            all += expected.iter().filter(|found| !begins(found)).count();
+        }
+        assert!(within > 50 && listed > 100, "{sides}: {within} begin within, {listed} later");
+        assert!(listed <= all && (sides < 100 || 8 * listed < all), "{sides}: {listed} of {all}");
+    }
 }
 
 #[test]

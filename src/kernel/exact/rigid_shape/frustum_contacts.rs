@@ -1,7 +1,6 @@
 //! Contacts of a triangle with a cylinder or a cone, rounded or not.
 //!
-//! The signed distance of a convex solid is convex. Along an edge, its minimum is found by bisection on the sign of its
-//! slope. Over the inside of a face, it is at the point of the solid that extends farthest toward the face's plane.
+//! The signed distance of a convex solid is convex. Along an edge, its minimum is where its slope changes sign. Over the inside of a face, it is at the point of the solid that extends farthest toward the face's plane.
 //! Where the solid is flat along an edge or a face, both ends of the flat stretch and several points of a rim are
 //! reported, so that bodies can rest on it.
 
@@ -32,8 +31,10 @@ const RIM_PLACES: u32 = 2;
 
 /// A position along an edge, 0 to 1, this close to an end is at the end.
 const AT_END: f64 = 1.0e-9;
-/// Bisection steps that shrink an interval of length 1 below the resolution of f64.
-const HALVINGS: usize = 60;
+/// How closely a place between 0 and 1 is searched for.
+const RESOLUTION: f64 = 6.0e-14;
+/// Bisection steps that shrink an interval of length 1 to that.
+const HALVINGS: usize = 44;
 /// An edge lies flat if its slope stays within [`SUPPORT_SLACK`] for longer than this share of the solid's size. On the
 /// round mantle it does so by itself for half that length.
 const FLAT_STRETCH: f64 = 4.0 * SUPPORT_SLACK;
@@ -105,23 +106,28 @@ impl Frustum {
         }
         let slope_at = |along: f64| self.foot(start + way * along).normal.dot(way);
         let ends = [feet[edge].normal.dot(way), feet[next].normal.dot(way)];
+        // A convex function is above its tangents.
+        let meeting = (ends[1] + feet[edge].distance - feet[next].distance) / (ends[1] - ends[0]);
+        if ends[0] < 0.0 && ends[1] > 0.0 && feet[edge].distance + ends[0] * meeting > range {
+            return;
+        }
         let reaches = |slope: f64| {
             if ends[0] >= slope {
                 [0.0; 2]
             } else if ends[1] < slope {
                 [1.0; 2]
             } else {
-                halve(|along| slope_at(along) < slope)
+                bracket(|along| slope_at(along) - slope, ends.map(|end| end - slope))
             }
         };
-        let slack = SUPPORT_SLACK * length;
         let lowest = reaches(0.0);
-        let (first, last) = (reaches(-slack)[1], reaches(slack)[0]);
         let interior = |along: f64| along > AT_END && along < 1.0 - AT_END;
         let least = self.foot(start + way * lowest[1]).distance;
         if least > range {
             return;
         }
+        let slack = SUPPORT_SLACK * length;
+        let (first, last) = (reaches(-slack)[1], reaches(slack)[0]);
         let add = |along: [f64; 2], place: u32, found: &mut Vec<ShapeProximity>, part: Option<Part>| {
             if interior(along[1]) {
                 found.extend(self.edge_contact(triangle, edge, feet, along, (part, place), range));
@@ -144,7 +150,7 @@ impl Frustum {
         }
     }
 
-    /// `along` contains the two sides of the place, as close to each other as f64 allows. Without `part`, the contact
+    /// `along` contains two places close to each other, one on each side of the contact. Without `part`, the contact
     /// is named after its own part.
     fn edge_contact(
         &self,
@@ -307,7 +313,8 @@ impl Frustum {
     fn out_of_middle(&self, weights: [f64; 3], middle: DVec3, sides: &[(DVec3, Support, f64); 2]) -> ShapeProximity {
         let out = |&(direction, _, gap): &(DVec3, Support, f64)| {
             let farthest = -gap;
-            let [inside, _] = halve(|along| self.foot(middle + direction * (farthest * along)).distance < 0.0);
+            let distance_at = |along: f64| self.foot(middle + direction * (farthest * along)).distance;
+            let [inside, _] = bracket(distance_at, [0.0, 1.0].map(distance_at));
             (direction, farthest * inside)
         };
         let (above, below) = (out(&sides[0]), out(&sides[1]));
@@ -339,16 +346,35 @@ fn examine_vertex(triangle: &[DVec3; 3], vertex: usize, foot: &Foot, range: f64,
     }
 }
 
-/// Bisects for the place where `is_before` stops holding, between 0, where it holds, and 1, where it does not. Returns
-/// the last place where it holds, and the first where it does not.
-fn halve(is_before: impl Fn(f64) -> bool) -> [f64; 2] {
+/// Two places from 0 to 1, within [`RESOLUTION`] of each other, between which a function that does not decrease stops being
+/// below zero. Its values at 0, below zero, and at 1, not below zero, are given.
+///
+/// Interpolates where that converges faster than bisection, and takes hardly more steps where it does not (I. Oliveira
+/// and R. Takahashi 2020, "An enhancement of the bisection method average performance preserving minmax optimality").
+fn bracket(function: impl Fn(f64) -> f64, [mut below, mut above]: [f64; 2]) -> [f64; 2] {
     let (mut before, mut past) = (0.0, 1.0);
-    for _ in 0..HALVINGS {
+    // Twice the width that bisection would have reached by now.
+    let mut width = 2.0;
+    // Bisection, and one more step.
+    for _ in 0..=HALVINGS {
         let middle = 0.5 * (before + past);
-        if middle <= before || middle >= past {
+        let straight = ((before * above - past * below) / (above - below)).clamp(before, past);
+        let to_middle = middle - straight;
+        // A little toward the middle and past the root, so that both sides come closer.
+        let shift = (0.2 * (past - before).powi(2)).max(0.5 * RESOLUTION);
+        let place = if to_middle.abs() > shift { straight + shift.copysign(to_middle) } else { middle };
+        let room = 0.5 * (width - (past - before));
+        let place = if (place - middle).abs() <= room { place } else { middle - room.copysign(to_middle) };
+        let value = function(place);
+        if value < 0.0 {
+            (before, below) = (place, value)
+        } else {
+            (past, above) = (place, value)
+        }
+        if past - before <= RESOLUTION {
             break;
         }
-        if is_before(middle) { before = middle } else { past = middle }
+        width *= 0.5;
     }
     [before, past]
 }
@@ -362,5 +388,38 @@ fn contact(feature: Feature, weights: [f64; 3], point: DVec3, foot: &Foot, numbe
         shape_point: point - foot.normal * foot.distance,
         normal: foot.normal,
         distance: foot.distance,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use core::cell::Cell;
+
+    use super::*;
+
+    #[test]
+    fn a_change_of_sign_is_found_in_few_steps_where_the_function_is_smooth_and_in_no_more_than_by_halves() {
+        type Function = fn(f64, f64) -> f64;
+        let functions: [(Function, usize); 5] = [
+            (|along, root| along - root, 12),
+            (|along, root| (along - root) / (1.0 + (along - root).powi(2)).sqrt(), 12),
+            (|along, root| (along - root) + 0.5 * (along.powi(3) - root.powi(3)), 12),
+            // As where an edge passes a rim, and beside a cap on which it lies flat.
+            (|along, root| if along < root { -1.0 } else { 1.0e-3 }, HALVINGS + 1),
+            (|along, root| if along < root { -1.0e-9 } else { (along - root).sqrt() }, HALVINGS + 1),
+        ];
+        for (function, most) in functions {
+            for root in [1.0e-12, 1.0e-3, 0.31, 0.5, 0.8, 1.0 - 1.0e-9] {
+                let steps = Cell::new(0);
+                let counted = |along: f64| {
+                    steps.set(steps.get() + 1);
+                    function(along, root)
+                };
+                let [before, past] = bracket(counted, [function(0.0, root), function(1.0, root)]);
+                assert!(before < past && past - before <= RESOLUTION, "{root}: {before} to {past}");
+                assert!(function(before, root) < 0.0 && function(past, root) >= 0.0, "{root}: {before} to {past}");
+                assert!(steps.get() <= most, "{root}: {}", steps.get());
+            }
+        }
     }
 }
