@@ -70,8 +70,9 @@ pub fn first_impacts<Position: Copy + Into<DVec3>>(
     }));
 }
 
-/// Appends the impacts of triangles of a mesh with a convex solid: of each triangle, those that begin within the
-/// separation or crossing, the first of the others, and some later ones. Nothing gets past the first to what lies behind.
+/// Appends the impacts of triangles of a mesh with a convex solid: of each triangle that begins outside, those that begin
+/// within the separation, the first of the others, and some later ones. Nothing gets past the first to what lies behind.
+/// Of a triangle that begins across the solid, all.
 ///
 /// A thin cylinder has hundreds of triangles in the way of one triangle of a cloth. After the first few, most of them
 /// cannot come earlier, which a plane shows. Sorts the candidates by the mesh's triangles.
@@ -85,14 +86,20 @@ pub(super) fn impacts_with_solid(
     candidates.sort_unstable();
     let mut normal = DVec3::ZERO;
     for group in candidates.chunk_by(|one, other| one[0] == other[0]) {
+        let before = impacts.len();
         let mut until = 1.0;
         for &[triangle_a, triangle_b] in spread(group) {
             let (a, b) = (mesh.triangle(triangle_a).until(until), solid.triangle(triangle_b).until(until));
             let found = triangle_pair_impact_by(&a, &b, &CommonVertices::NONE, separation, &mut normal);
             let Some(mut impact) = found else { continue };
+            if impact.cause == ImpactCause::Crossing {
+                impacts.truncate(before);
+                first_impacts(mesh, solid, false, group, separation, impacts);
+                break;
+            }
             impact.time *= until;
             impacts.push(PairImpact { triangle_a, triangle_b, impact });
-            if !matches!(impact.cause, ImpactCause::Within | ImpactCause::Crossing) {
+            if impact.cause != ImpactCause::Within {
                 until = impact.time;
             }
         }

@@ -1,8 +1,9 @@
 //! Contacts of a triangle with a cylinder or a cone, rounded or not.
 //!
-//! The signed distance of a convex solid is convex. Along an edge, its minimum is where its slope changes sign. Over the inside of a face, it is at the point of the solid that extends farthest toward the face's plane.
-//! Where the solid is flat along an edge or a face, both ends of the flat stretch and several points of a rim are
-//! reported, so that bodies can rest on it.
+//! The signed distance of a convex solid is convex. Along an edge, its minimum is where its slope changes sign. Over the
+//! inside of a face, it is at the point of the solid that extends farthest toward the face's plane. Where the solid is flat
+//! along an edge or a face, both ends of the flat stretch and several points of a rim are reported, so that bodies can rest
+//! on it.
 
 use glam::DVec3;
 
