@@ -57,7 +57,7 @@ pub(super) fn vertex_face_impact_within(
 ) -> Option<FeatureImpact> {
     let [(vertex_start, face_start), (vertex_end, face_end)] =
         [start, end].map(|[vertex, face @ ..]| (std::array::from_ref(vertex), face));
-    if stay_apart([vertex_start, vertex_end], [face_start, face_end], separation, &mut DVec3::ZERO) {
+    if stay_apart([vertex_start, vertex_end], [face_start, face_end], separation, &mut DVec3::default()) {
         return None;
     }
     let mut order = [1, 2, 3];
@@ -87,7 +87,7 @@ pub(super) fn edge_edge_impact_within(
 ) -> Option<FeatureImpact> {
     let edges = |[a0, a1, b0, b1]: &[DVec3; 4]| [[*a0, *a1], [*b0, *b1]];
     let ([start_a, start_b], [end_a, end_b]) = (edges(start), edges(end));
-    if stay_apart([&start_a, &end_a], [&start_b, &end_b], separation, &mut DVec3::ZERO) {
+    if stay_apart([&start_a, &end_a], [&start_b, &end_b], separation, &mut DVec3::default()) {
         return None;
     }
     let later = |first: usize, second: usize| is_later(start, end, first, second);

@@ -104,7 +104,7 @@ pub fn triangle_pair_impact(
     common: &CommonVertices,
     separation: f64,
 ) -> Option<TriangleImpact> {
-    triangle_pair_impact_by(a, b, common, separation, &mut DVec3::ZERO)
+    triangle_pair_impact_by(a, b, common, separation, &mut DVec3::default())
 }
 
 /// [`triangle_pair_impact`], with the normal of a plane that has separated a pair of triangles near these. Writes that of a
