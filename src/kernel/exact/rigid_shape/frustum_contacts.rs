@@ -368,9 +368,9 @@ fn bracket(function: impl Fn(f64) -> f64, [mut below, mut above]: [f64; 2]) -> [
         let place = if (place - middle).abs() <= room { place } else { middle - room.copysign(to_middle) };
         let value = function(place);
         if value < 0.0 {
-            (before, below) = (place, value)
+            (before, below) = (place, value);
         } else {
-            (past, above) = (place, value)
+            (past, above) = (place, value);
         }
         if past - before <= RESOLUTION {
             break;
