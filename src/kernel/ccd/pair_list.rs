@@ -87,9 +87,10 @@ pub(super) fn impacts_with_solid(
     let mut normal = DVec3::ZERO;
     for group in candidates.chunk_by(|one, other| one[0] == other[0]) {
         let before = impacts.len();
+        let own = mesh.triangle(group[0][0]);
         let mut until = 1.0;
         for &[triangle_a, triangle_b] in spread(group) {
-            let (a, b) = (mesh.triangle(triangle_a).until(until), solid.triangle(triangle_b).until(until));
+            let (a, b) = (own.until(until), solid.triangle(triangle_b).until(until));
             let found = triangle_pair_impact_by(&a, &b, &CommonVertices::NONE, separation, &mut normal);
             let Some(mut impact) = found else { continue };
             if impact.cause == ImpactCause::Crossing {

@@ -40,7 +40,7 @@ pub(super) fn stay_apart<const A: usize, const B: usize>(
     };
     // Written so that NaN counts as no plane.
     let separates = |lowest: &Lowest, normal: DVec3| lowest.height > within * normal.length();
-    if separates(&lowest(*normal), *normal) {
+    if *normal != DVec3::ZERO && separates(&lowest(*normal), *normal) {
         return true;
     }
     let way = end.middle - start.middle;
