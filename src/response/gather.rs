@@ -21,7 +21,7 @@ use super::{
     anchors::Anchors,
     body::XpbdBody,
     contact::{ContactConstraint, Features},
-    forces::SurfaceForces,
+    forces::{SurfaceForces, SurfaceWind},
     inside::Insides,
     meeting::{MeetingCorners, MeetingTriangles},
     motion::Motions,
@@ -138,16 +138,14 @@ impl Gatherer {
             }
         }
         let (topology, rest) = (Arc::clone(&surface.topology), Arc::clone(&body.rest));
-        bodies.push(SolverBody { first, topology, rest, material: body.material, scale: surface.pose.scale() });
+        let air = scene.winds.get(surface.entity).ok().map(SurfaceWind::air);
+        bodies.push(SolverBody { first, topology, rest, material: body.material, scale: surface.pose.scale(), air });
         self.bodies.insert(surface.entity, first);
         if let Ok(tethers) = scene.tethers.get(surface.entity) {
             let particle_of = |vertex: VertexId| Some(first as u32 + weld.get(vertex.index())?);
             tethers.in_part(scene.motions.shares(), particle_of).for_each(|tether| solver.tether(&tether));
         }
         self.anchors.attach(solver, surface.entity);
-        if let Ok(wind) = scene.winds.get(surface.entity) {
-            solver.blow(wind.air());
-        }
         if let Ok(SurfaceForces(forces)) = scene.forces.get(surface.entity)
             && forces.len() == weld.len()
         {

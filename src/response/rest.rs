@@ -10,18 +10,17 @@ use crate::kernel::{
         topology::SurfaceTopology,
     },
     tetrahedra::topology::{TetrahedraError, TetrahedralTopology},
-    xpbd::{HingeRests, Slabs, SpringRests, TetrahedronRest, TetrahedronRests, VolumeRest, bend_at},
+    xpbd::{HingeRests, SailRests, Slabs, SpringRests, TetrahedronRest, TetrahedronRests, VolumeRest, bend_at},
 };
 
-/// The rest shape of a body: lengths, bends, volume, and areas, in the surface's own frame.
+/// The rest shape of a body: lengths, bends, areas, and volume, in the surface's own frame.
 #[derive(Clone, Debug, Default)]
 pub(super) struct RestShape {
     pub(super) springs: SpringRests,
     pub(super) hinges: HingeRests,
     /// Only if the surface is closed and encloses a volume.
     pub(super) volume: Option<VolumeRest>,
-    /// Of each triangle.
-    pub(super) areas: Vec<f32>,
+    pub(super) sails: SailRests,
     /// The tetrahedra that resist, if it has an inside.
     pub(super) tetrahedra: TetrahedronRests,
     pub(super) inside: Option<Inside>,
@@ -94,9 +93,9 @@ impl RestShape {
             inside = Some(found);
         }
         let volume = topology.is_closed().then(|| VolumeRest::new(&points, topology.welded_triangles()));
-        let areas = topology.welded_triangles().iter().map(|corners| area(corners, &points) as f32).collect();
+        let sails = topology.welded_triangles().iter().map(|corners| (*corners, area(corners, &points) as f32));
         Ok(Self {
-            areas,
+            sails: SailRests::new(points.len(), &slabs, sails),
             springs: SpringRests::new(points.len(), &slabs, springs.into_iter()),
             hinges: HingeRests::new(points.len(), &slabs, hinges.into_iter()),
             volume: volume.flatten(),

@@ -23,8 +23,8 @@ use crate::{
         mesh::topology::SurfaceTopology,
         simd::parallel::{Sequential, Team, share},
         xpbd::{
-            Air, Attachments, Elasticity, Evaluation, Hinges, MovingRows, ParticleRows, RigidBodies, Springs, Tethered,
-            Tethers, Tetrahedra, Volumes, Winds,
+            Air, Attachments, Elasticity, Evaluation, Hinges, MovingRows, ParticleRows, RigidBodies, Sails, Springs,
+            Tethered, Tethers, Tetrahedra, Volumes,
         },
     },
 };
@@ -44,6 +44,8 @@ pub(super) struct SolverBody {
     pub(super) material: XpbdMaterial,
     /// World length of a unit in the surface's own frame.
     pub(super) scale: f64,
+    /// The air around it, if that moves it.
+    pub(super) air: Option<Air>,
 }
 
 /// Internal constraints of a body: those in a slab, or those between slabs.
@@ -54,14 +56,16 @@ struct Part {
     springs: Springs,
     hinges: Hinges,
     tetrahedra: Tetrahedra,
+    sails: Sails,
     /// Whether its body has contacts.
     is_touched: bool,
 }
 
 impl Part {
     fn begin(&mut self, (number, body): (usize, &SolverBody), slab: usize, start: &[DVec3]) {
-        let Self { body: of, springs, hinges, tetrahedra, .. } = self;
+        let Self { body: of, springs, hinges, tetrahedra, sails, .. } = self;
         *of = number;
+        sails.clear();
         springs.clear();
         hinges.clear();
         tetrahedra.clear();
@@ -73,12 +77,21 @@ impl Part {
             hinges.add((&body.rest.hinges, slab), body.first, start);
         }
         tetrahedra.add((&body.rest.tetrahedra, slab), body.first, body.scale, start);
+        if body.air.is_some() {
+            sails.add((&body.rest.sails, slab), body.first, body.scale, start);
+        }
     }
 
     fn begin_step(&mut self) {
         self.springs.begin_step();
         self.hinges.begin_step();
         self.tetrahedra.begin_step();
+    }
+
+    fn blow(&self, bodies: &[SolverBody], rows: MovingRows<'_>, step: f64) {
+        if let Some(air) = bodies[self.body].air {
+            self.sails.blow(rows, air, step as f32);
+        }
     }
 
     fn bend(&mut self, bodies: &[SolverBody], rows: MovingRows<'_>, step: f64) {
@@ -147,7 +160,7 @@ impl Inners {
             let count = body.1.rest.springs.slabs();
             parts.by_ref().take(count).enumerate().for_each(|(slab, part)| part.begin(body, slab, start));
             between.begin(body, count, start);
-            let &SolverBody { first, scale, ref rest, ref material, ref topology } = body.1;
+            let &SolverBody { first, scale, ref rest, ref material, ref topology, .. } = body.1;
             let volume = rest.volume.as_ref().filter(|_| material.volume_compliance.is_finite());
             let own = (first, topology.vertex_count());
             of_bodies.push(volume.map(|volume| volumes.add(volume, own, scale, start)));
@@ -162,6 +175,14 @@ impl Inners {
             part.begin_step();
         }
         self.volumes.begin_step();
+    }
+
+    /// Lets the winds act on velocities.
+    fn blow(&mut self, team: &dyn Team, bodies: &[SolverBody], rows: MovingRows<'_>, step: f64) {
+        if bodies.iter().any(|body| body.air.is_some()) {
+            share(team, &mut self.slabs, |part| part.blow(bodies, rows, step));
+            self.between.iter().for_each(|part| part.blow(bodies, rows, step));
+        }
     }
 
     fn solve(&mut self, team: &dyn Team, bodies: &[SolverBody], rows: &mut ParticleRows, step: f64) {
@@ -233,7 +254,6 @@ pub(super) struct Solver {
     pub(super) forces: Vec<(u32, Vec3)>,
     tethers: Tethers,
     attachments: Attachments,
-    winds: Winds,
     pub(super) rows: ParticleRows,
     inners: Inners,
     /// Velocities at the beginning of the tick.
@@ -260,7 +280,6 @@ impl Solver {
         self.forces.clear();
         self.tethers.clear();
         self.attachments.clear();
-        self.winds.clear();
     }
 
     /// Adds a tether. A particle with a tether of length 0 is kinematic.
@@ -276,13 +295,6 @@ impl Solver {
     /// Keeps particles, each of them named once, within distances of kinematic ones.
     pub(super) fn attach(&mut self, attached: impl Iterator<Item = ([usize; 2], f64)>) {
         self.attachments.add(attached, &self.particles.start);
-    }
-
-    /// Puts the body that was added last into a wind.
-    pub(super) fn blow(&mut self, air: Air) {
-        let Some(SolverBody { first, topology, rest, scale, .. }) = self.bodies.last() else { return };
-        let areas = rest.areas.iter().map(|area| area * (scale * scale) as f32);
-        self.winds.add(air, topology.welded_triangles().iter().zip(areas), *first, &self.particles.start);
     }
 
     /// Begins a tick, which may be solved more than once.
@@ -340,12 +352,12 @@ impl Solver {
                     self.contacts.extend(team, &self.particles, self.rows.moving(), passed);
                 }
             }
-            let Self { bodies, contacts, rigid_bodies, forces, tethers, attachments, winds, rows, inners, .. } = self;
+            let Self { bodies, contacts, rigid_bodies, forces, tethers, attachments, rows, inners, .. } = self;
             for body in &*bodies {
                 let kept = (1.0 - f64::from(body.material.drag) * step).max(0.0);
                 rows.slow_down(body.first, body.topology.vertex_count(), kept as f32);
             }
-            winds.blow(rows, step as f32);
+            inners.blow(team, bodies, rows.moving(), step);
             rows.apply_forces(forces, step as f32);
             let share = f64::from(substep) / f64::from(settings.substeps);
             rows.predict(step as f32, settings.gravity, share as f32);

@@ -39,4 +39,4 @@ pub use springs::{SpringRests, Springs};
 pub use tethers::{Tethered, Tethers};
 pub use tetrahedra::{Elasticity, Tetrahedra, TetrahedronRest, TetrahedronRests};
 pub use volume::{VolumeRest, Volumes};
-pub use wind::{Air, Winds};
+pub use wind::{Air, SailRests, Sails};

@@ -4,9 +4,14 @@
 //! the force `½ρA [(C_D − C_L)(v·n) v + C_L |v|² n]` (Wilson et al. 2014, "Simulating Wind Effects on
 //! Cloth and Hair in Disney's Frozen").
 
+use fearless_simd::{f32x8, prelude::*};
 use glam::{DVec3, Vec3};
 
-use super::rows::{ParticleRows, row_of};
+use super::{
+    coloring::{Rests, lanes_of},
+    rows::{MovingRows, NOBODY, Places, gather, row_of, scatter_free, set_lane},
+};
+use crate::kernel::simd::lanes::{VectorLanes, VectorRows, WIDTH};
 
 /// What the air does to a body.
 #[derive(Clone, Copy, Debug)]
@@ -19,84 +24,99 @@ pub struct Air {
     pub coefficients: [f32; 2],
 }
 
-/// A triangle in the wind.
+/// The triangles of a body at rest, with their areas. Cloth that stretches catches no more wind.
+pub type SailRests = Rests<3, f32>;
+
+/// Eight triangles in a wind that have no particle in common.
 #[derive(Debug)]
-struct Sail {
-    corners: [u32; 3],
+#[repr(C, align(32))]
+struct SailBlock {
+    corners: [Places; 3],
     /// From the first corner to the others at the beginning of the tick.
-    edges: [Vec3; 2],
-    /// The area at rest. Cloth that stretches catches no more wind.
-    area: f32,
+    edges: [VectorRows; 2],
+    /// Twice the area at rest.
+    most: [f32; WIDTH],
 }
 
-/// The bodies that are in a wind, in a tick.
+/// Triangles in a wind in a tick, of a body in one slab, or between slabs.
 #[derive(Debug, Default)]
-pub struct Winds {
-    sails: Vec<Sail>,
-    bodies: Vec<(Air, usize)>,
+pub struct Sails {
+    blocks: Vec<SailBlock>,
 }
 
-impl Winds {
+impl Sails {
     pub fn clear(&mut self) {
-        self.sails.clear();
-        self.bodies.clear();
+        self.blocks.clear();
     }
 
-    /// Adds the triangles of a body whose particles begin with `first`, with their areas at rest.
-    pub fn add<'a>(
-        &mut self,
-        air: Air,
-        triangles: impl Iterator<Item = (&'a [u32; 3], f32)>,
-        first: usize,
-        start: &[DVec3],
-    ) {
-        self.sails.extend(triangles.map(|(triangle, area)| {
-            let [a, b, c] = triangle.map(|vertex| first + vertex as usize);
-            let edges = [b, c].map(|corner| (start[corner] - start[a]).as_vec3());
-            Sail { corners: [a, b, c].map(row_of), edges, area }
+    /// Adds the triangles of a slab of a body whose particles begin with `first`, or those between slabs. `scale` is the world
+    /// length of a unit in the body's own frame.
+    pub fn add(&mut self, (rests, slab): (&SailRests, usize), first: usize, scale: f64, start: &[DVec3]) {
+        self.blocks.extend(rests.part(slab).iter().map(|numbers| {
+            let (corners, edges) = ([[NOBODY; WIDTH]; 3], [VectorRows::ZERO; 2]);
+            let mut block = SailBlock { corners, edges, most: [0.0; WIDTH] };
+            for (lane, triangle) in lanes_of(numbers) {
+                let places = rests.particles[triangle].map(|corner| first + corner as usize);
+                for corner in 0..3 {
+                    block.corners[corner][lane] = row_of(places[corner]);
+                }
+                for corner in 0..2 {
+                    set_lane(&mut block.edges[corner], lane, start[places[corner + 1]] - start[places[0]]);
+                }
+                block.most[lane] = 2.0 * rests.values[triangle] * (scale * scale) as f32;
+            }
+            block
         }));
-        self.bodies.push((air, self.sails.len()));
     }
 
     /// Changes velocities by the force of the wind over a substep of `step` seconds. No triangle is faster relative to the air
     /// afterwards than before: drag takes it at most along, and lift turns its way, where the force at the beginning of a
     /// long step would add speed.
-    pub fn blow(&self, particles: &mut ParticleRows, step: f32) {
-        let mut first = 0;
-        for &(Air { velocity, density, coefficients: [drag, lift] }, end) in &self.bodies {
-            for Sail { corners, edges, area } in &self.sails[first..end] {
-                let [a, b, c] = corners.map(|corner| corner as usize);
-                let moved = |corner: usize| particles.displacement[corner].vector();
-                let origin = moved(a);
-                let (along, across) = (edges[0] + moved(b) - origin, edges[1] + moved(c) - origin);
-                let twice = along.cross(across);
-                let length = twice.length();
-                let speeds = [a, b, c].map(|corner| particles.velocity[corner].vector());
-                let wind = velocity - (speeds[0] + speeds[1] + speeds[2]) / 3.0;
-                if length <= 0.0 || wind == Vec3::ZERO {
-                    continue;
-                }
-                let normal = twice / length;
-                let normal = if normal.dot(wind) < 0.0 { -normal } else { normal };
-                let force = ((drag - lift) * normal.dot(wind)) * wind + (lift * wind.length_squared()) * normal;
-                let push = force * (density * length.min(2.0 * area) * step / 12.0);
-                // A third acts on each corner.
-                let mobility: f32 = [a, b, c].iter().map(|&corner| particles.velocity[corner].0[3]).sum::<f32>() / 3.0;
-                if mobility <= 0.0 {
-                    continue;
-                }
-                let change = push * mobility;
-                let (along, most) = (change.dot(wind), wind.length_squared());
-                let change = if along > most { change * (most / along) } else { change };
-                let after = wind - change;
-                let is_faster = after.length_squared() > most;
-                let change = if is_faster { wind - after.clamp_length_max(most.sqrt()) } else { change };
-                for corner in [a, b, c] {
-                    let row = &mut particles.velocity[corner];
-                    row.set(row.vector() + change * (row.0[3] / mobility));
-                }
+    pub fn blow(&self, rows: MovingRows<'_>, air: Air, step: f32) {
+        dispatch!(simd => {
+            for block in &self.blocks {
+                block.blow(simd, rows, air, step);
             }
-            first = end;
+        });
+    }
+}
+
+impl SailBlock {
+    #[cfg_attr(not(unoptimized), inline(always))]
+    fn blow<S: Simd>(&self, simd: S, rows: MovingRows<'_>, air: Air, step: f32) {
+        let Air { velocity, density, coefficients: [drag, lift] } = air;
+        let zero = f32x8::splat(simd, 0.0);
+        let [a, b, c] = self.corners.each_ref();
+        let origin = gather(simd, &rows.displacement, a).vector;
+        let moved = |places: &Places| gather(simd, &rows.displacement, places).vector - origin;
+        let along = VectorLanes::load(simd, &self.edges[0]).plus(moved(b));
+        let across = VectorLanes::load(simd, &self.edges[1]).plus(moved(c));
+        let twice = along.cross(across);
+        let length = twice.dot(twice).sqrt();
+        let corners =
+            [gather(simd, &rows.velocity, a), gather(simd, &rows.velocity, b), gather(simd, &rows.velocity, c)];
+        let third = f32x8::splat(simd, 1.0 / 3.0);
+        let speed = corners[0].vector.plus(corners[1].vector).plus(corners[2].vector).scaled(third);
+        // A third acts on each corner.
+        let mobility = (corners[0].inverse_mass + corners[1].inverse_mass + corners[2].inverse_mass) * third;
+        let wind = VectorLanes::splat(simd, velocity) - speed;
+        let squared = wind.dot(wind);
+        let acts = length.simd_gt(zero) & squared.simd_gt(zero) & mobility.simd_gt(zero);
+        let facing = twice.dot(wind) / length;
+        let normal = twice.scaled(f32x8::splat(simd, 1.0) / facing.simd_lt(zero).select(-length, length));
+        let force = wind.scaled(facing.abs() * (drag - lift)).plus(normal.scaled(squared * lift));
+        let most = f32x8::from_slice(simd, &self.most);
+        let change = force.scaled(length.min(most) * mobility * (density * step / 12.0));
+        let ahead = change.dot(wind);
+        let change = change.scaled(ahead.simd_gt(squared).select(squared / ahead, f32x8::splat(simd, 1.0)));
+        let after = wind - change;
+        let after_squared = after.dot(after);
+        let slowed = wind - after.scaled((squared / after_squared).sqrt());
+        let change = VectorLanes::select(after_squared.simd_gt(squared), slowed, change);
+        let none = VectorLanes { x: zero, y: zero, z: zero };
+        let push = VectorLanes::select(acts, change.scaled(f32x8::splat(simd, 1.0) / mobility), none);
+        for (corner, places) in corners.into_iter().zip([a, b, c]) {
+            scatter_free(corner.pushed(push), rows.velocity, places);
         }
     }
 }
@@ -104,7 +124,7 @@ impl Winds {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::kernel::xpbd::Placed;
+    use crate::kernel::xpbd::{ParticleRows, Placed, Slabs};
 
     /// The velocity change of a triangle of area 2 and mass 3 after one substep, with the wind's velocity.
     fn change(velocity: Vec3, coefficients: [f32; 2], step: f32) -> DVec3 {
@@ -112,9 +132,10 @@ mod tests {
         let mut rows = ParticleRows::default();
         let still = Placed { way: DVec3::ZERO, velocity: DVec3::ZERO, inverse_mass: 1.0 };
         rows.begin([still; 3].into_iter());
-        let mut winds = Winds::default();
-        winds.add(Air { velocity, density: 1.2, coefficients }, [(&[0, 1, 2], 2.0)].into_iter(), 0, &start);
-        winds.blow(&mut rows, step);
+        let rests = SailRests::new(3, &Slabs::default(), [([0, 1, 2], 2.0)].into_iter());
+        let mut sails = Sails::default();
+        sails.add((&rests, rests.slabs()), 0, 1.0, &start);
+        sails.blow(rows.moving(), Air { velocity, density: 1.2, coefficients }, step);
         let changes = [0, 1, 2].map(|particle| rows.state(particle)[1]);
         assert!(changes.iter().all(|change| *change == changes[0]));
         changes[0]
