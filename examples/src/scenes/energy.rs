@@ -5,7 +5,8 @@ use bevy_circumsphere::{
     geometry::SurfaceTopology,
     response::{XpbdBody, XpbdMaterial, XpbdSettings},
 };
-use glam::{DVec3, Vec3};
+use bevy_ecs::component::Component;
+use glam::DVec3;
 
 use super::Stage;
 
@@ -32,8 +33,10 @@ impl Energy {
                 body.inverse_masses.iter().map(|&inverse| if inverse > 0.0 { 1.0 / f64::from(inverse) } else { 0.0 });
             let heights = stage.positions(entity).iter().map(|position| -gravity.dot(position.as_dvec3()));
             energy.height += masses.zip(heights).map(|(mass, height)| mass * height).sum::<f64>();
+            let now: Vec<DVec3> = stage.positions(entity).iter().map(|position| position.as_dvec3()).collect();
             let topology = stage.surface(entity).topology();
-            energy.elastic += elastic(topology, &body.material, stage.positions(entity), stage.rest(entity));
+            let rest = stage.app.world().get::<RestEdges>(entity).expect("bodies are never removed");
+            energy.elastic += rest.elastic_energy(&body.material, topology, &now);
         }
         energy
     }
@@ -43,38 +46,55 @@ impl Energy {
     }
 }
 
-/// Half the square of each stretch and bend, divided by its compliance.
-fn elastic(topology: &SurfaceTopology, material: &XpbdMaterial, positions: &[Vec3], rest: &[DVec3]) -> f64 {
-    let gives = |compliance: f32| compliance > 0.0 && compliance.is_finite();
-    let now: Vec<DVec3> = positions.iter().map(|position| position.as_dvec3()).collect();
-    let edges = || (0..).map(EdgeId).zip(topology.edges());
-    let mut energy = 0.0;
-    if gives(material.stretch_compliance) {
-        let length = |points: &[DVec3], ends: &[u32; 2]| points[ends[0] as usize].distance(points[ends[1] as usize]);
-        let stretches = edges().map(|(_, ends)| length(&now, ends) - length(rest, ends));
-        energy +=
-            stretches.map(|stretch| stretch * stretch).sum::<f64>() / (2.0 * f64::from(material.stretch_compliance));
-    }
-    if gives(material.bend_compliance) {
-        let bends = edges().filter_map(|(edge, _)| {
-            let &[first, second] = topology.triangles_of_edge(edge) else { return None };
-            Some(bend(topology, &now, edge, [first, second]) - bend(topology, rest, edge, [first, second]))
-        });
-        energy += bends.map(|bend| bend * bend).sum::<f64>() / (2.0 * f64::from(material.bend_compliance));
-    }
-    energy
+/// The edges of a body at rest.
+#[derive(Component, Clone, Debug)]
+pub struct RestEdges {
+    lengths: Vec<f64>,
+    /// The edges between two triangles, with the angle between these.
+    bends: Vec<(EdgeId, f64)>,
 }
 
-/// The angle between the normals of two triangles at their common edge, in radians, positive if convex.
-fn bend(topology: &SurfaceTopology, points: &[DVec3], edge: EdgeId, triangles: [u32; 2]) -> f64 {
-    let [first, second] = triangles.map(|triangle| {
-        let [a, b, c] = topology.welded_triangles()[triangle as usize].map(|corner| points[corner as usize]);
+impl RestEdges {
+    pub fn new(topology: &SurfaceTopology, positions: &[DVec3]) -> Self {
+        let edges = (0..topology.edges().len() as u32).map(EdgeId);
+        Self {
+            lengths: lengths(topology, positions).collect(),
+            bends: edges.filter_map(|edge| Some((edge, bend(topology, positions, edge)?))).collect(),
+        }
+    }
+
+    /// Half the square of each stretch and bend, divided by its compliance.
+    fn elastic_energy(&self, material: &XpbdMaterial, topology: &SurfaceTopology, positions: &[DVec3]) -> f64 {
+        let gives = |compliance: f32| compliance > 0.0 && compliance.is_finite();
+        let half = |compliance: f32| 1.0 / (2.0 * f64::from(compliance));
+        let mut energy = 0.0;
+        if gives(material.stretch_compliance) {
+            let stretches = lengths(topology, positions).zip(&self.lengths).map(|(length, rest)| length - rest);
+            energy += stretches.map(|stretch| stretch * stretch).sum::<f64>() * half(material.stretch_compliance);
+        }
+        if gives(material.bend_compliance) {
+            let bends = self.bends.iter().filter_map(|&(edge, rest)| Some(bend(topology, positions, edge)? - rest));
+            energy += bends.map(|bend| bend * bend).sum::<f64>() * half(material.bend_compliance);
+        }
+        energy
+    }
+}
+
+fn lengths(topology: &SurfaceTopology, positions: &[DVec3]) -> impl Iterator<Item = f64> {
+    topology.edges().iter().map(|&[start, end]| positions[start as usize].distance(positions[end as usize]))
+}
+
+/// The angle between the normals of the two triangles at an edge, in radians, positive if convex. `None` if there are not two.
+fn bend(topology: &SurfaceTopology, points: &[DVec3], edge: EdgeId) -> Option<f64> {
+    let &[one, other] = topology.triangles_of_edge(edge) else { return None };
+    let corners = |triangle: u32| topology.welded_triangles()[triangle as usize];
+    let [first, second] = [one, other].map(|triangle| {
+        let [a, b, c] = corners(triangle).map(|corner| points[corner as usize]);
         (b - a).cross(c - a)
     });
     let [start, end] = topology.edges()[edge.0 as usize];
-    let apex =
-        topology.welded_triangles()[triangles[1] as usize].into_iter().find(|&corner| corner != start && corner != end);
+    let apex = corners(other).into_iter().find(|&corner| corner != start && corner != end);
     let to_apex = apex.map_or(DVec3::ZERO, |apex| points[apex as usize] - points[start as usize]);
     let angle = first.cross(second).length().atan2(first.dot(second));
-    if first.dot(to_apex) > 0.0 { -angle } else { angle }
+    Some(if first.dot(to_apex) > 0.0 { -angle } else { angle })
 }

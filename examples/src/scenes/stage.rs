@@ -13,7 +13,7 @@ use bevy_transform::components::Transform;
 use circumsphere_support::scenes::Mesh;
 use glam::{DVec3, Vec3};
 
-use super::Variation;
+use super::{Variation, energy::RestEdges};
 use crate::headless::{headless_app, recording::Recorder};
 
 /// Duration of a tick.
@@ -104,7 +104,9 @@ impl Stage {
         let (surface, positions) = surface_of(mesh);
         let body = XpbdBody::new(&surface, &positions, material).expect("scene meshes are valid");
         let rest = RestPositions(positions.0.iter().map(|position| position.as_dvec3()).collect());
-        let bundle = (surface, positions, change(body), rest, (self.method, self.shape), Name::new(name), extra);
+        let edges = RestEdges::new(surface.topology(), &rest.0);
+        let bundle =
+            (surface, positions, change(body), (rest, edges), (self.method, self.shape), Name::new(name), extra);
         let entity = self.app.world_mut().spawn(bundle).id();
         self.bodies.push(entity);
         self.sweep(entity);
