@@ -28,7 +28,7 @@ use crate::{
     diagnostics::{DetectionDiagnostics, StageWatch},
     kernel::{
         bvh::tree::BoxTree,
-        ccd::{PairImpact, Sweep, TreeWork},
+        ccd::{ImpactList, PairImpact, Sweep, TreeWork},
         exact::rigid_shape::ShapeGeometry,
         mesh::{bounds::Aabb, ids::TriangleId},
         pose::Pose,
@@ -327,7 +327,7 @@ impl SweptBuffers {
             (self.moved.mesh(other.topology, other_reach), &self.moved.tree)
         };
         let (a, b) = if is_first_main { (main_side, other_side) } else { (other_side, main_side) };
-        let sweep = Sweep { a, b, same_surface: is_self, is_solid: false, separation };
+        let sweep = Sweep { a, b, same_surface: is_self, list: ImpactList::Triangles, separation };
         let filter = PairFilter::between(&first.filter, &second.filter, is_self, game);
         cost.candidates += self.sweeping.run(&sweep, filter.as_ref(), threads, &mut self.impacts);
         if self.impacts.is_empty() {

@@ -19,6 +19,6 @@ pub mod triangle_pair;
 pub use advance::{ImpactCause, MOST_STEPS, RESOLUTION};
 pub use feature::{FeatureImpact, edge_edge_impact, vertex_face_impact};
 pub use pair_list::{MovingSide, PairImpact, first_impacts};
-pub use sweep::{SWEEP_PART, Sweep, SweepBuffers, SweepLeaves, SweptMesh, drift, sort_impacts, sweep};
+pub use sweep::{ImpactList, SWEEP_PART, Sweep, SweepBuffers, SweepLeaves, SweptMesh, drift, sort_impacts, sweep};
 pub use sweep_tree::{SweepTree, TreeWork, outward_box};
 pub use triangle_pair::{CommonVertices, MovingTriangle, TriangleImpact, triangle_pair_impact};

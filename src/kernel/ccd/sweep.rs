@@ -9,7 +9,7 @@ use std::ops::Range;
 use glam::DVec3;
 
 use super::{
-    pair_list::{MovingSide, PairImpact, first_impacts, impacts_with_solid},
+    pair_list::{MovingSide, PairImpact, feature_impacts, first_impacts, impacts_with_solid},
     stars::PlainStars,
     sweep_tree::{SweepTree, moved_along, outward_box, rounded_up},
     triangle_pair::MovingTriangle,
@@ -17,7 +17,7 @@ use super::{
 use crate::kernel::{
     bvh::{
         leaf_triangles::{LeafTriangles, PairCull},
-        tree::BoxTree,
+        tree::{BoxTree, LEAF_WIDTH},
     },
     mesh::{
         bounds::{Aabb, pairs_between_brute_force},
@@ -29,8 +29,9 @@ use crate::kernel::{
 /// Leaves of eight triangles whose pairs are found and tested at a time. Limits how many candidates wait.
 pub const SWEEP_PART: usize = 4;
 
-/// A convex solid with more triangles than this is queried, so that all its pairs with a triangle are tested together.
-const MANY_TRIANGLES: usize = 64;
+/// A convex solid with more triangles than a part can have is queried, so that all its pairs with a triangle are tested
+/// together.
+const MANY_TRIANGLES: usize = SWEEP_PART * LEAF_WIDTH;
 
 /// A mesh whose vertices move in straight lines from the start of a step to its end.
 ///
@@ -83,6 +84,18 @@ pub fn drift(start: &[DVec3], end: &[DVec3]) -> DVec3 {
     if way(mean) < way(DVec3::ZERO) { mean } else { DVec3::ZERO }
 }
 
+/// Which impacts a sweep lists.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ImpactList {
+    /// The first impact of each pair of triangles.
+    Triangles,
+    /// The impact of each pair of features, a vertex and a face or two edges, in one of the pairs of triangles around them.
+    Features,
+    /// Like `Features`, if the second mesh encloses a convex solid, and what is behind the first impact of a triangle of the
+    /// first mesh does not matter: most of that is left out.
+    Solid,
+}
+
 /// Two meshes that are swept against each other, or one against itself, with their boxes.
 #[derive(Clone, Copy, Debug)]
 pub struct Sweep<'a> {
@@ -93,9 +106,8 @@ pub struct Sweep<'a> {
     /// Whether both are one surface. If so, triangles are paired once, the lower one first, and features that share a
     /// welded vertex are left out.
     pub same_surface: bool,
-    /// Whether the second mesh encloses a convex solid, and only the first impacts with it matter. If so, triangles of the
-    /// first mesh that meet it during the step are listed once or a few times instead of with everything in their way.
-    pub is_solid: bool,
+    /// Which impacts are listed.
+    pub list: ImpactList,
     /// The distance that counts as an impact, 0 or more.
     pub separation: f64,
 }
@@ -134,7 +146,7 @@ impl Sweep<'_> {
     /// one's tree is queried, if it is up to date, or that of a large convex solid.
     fn asks_second(&self) -> bool {
         let size = |tree: &SweepTree| (tree.tree().is_some(), tree.boxes().len());
-        let is_large = self.is_solid && size(self.b.1) > (true, MANY_TRIANGLES);
+        let is_large = self.list == ImpactList::Solid && size(self.b.1) > (true, MANY_TRIANGLES);
         self.same_surface || is_large || size(self.b.1) >= size(self.a.1)
     }
 
@@ -277,10 +289,13 @@ impl Sweep<'_> {
         candidates.extend(around.iter().filter(|&&pair| is_requested(pair)));
         count += candidates.len() - others;
         let (a, b) = (self.a.0.side(), self.b.0.side());
-        if self.is_solid {
-            impacts_with_solid(&a, &b, candidates, self.separation, impacts);
-        } else {
-            first_impacts(&a, &b, self.same_surface, candidates, self.separation, impacts);
+        let are_whole = self.a.1.is_whole() && self.b.1.is_whole();
+        match self.list {
+            ImpactList::Solid if are_whole => impacts_with_solid(&a, &b, candidates, self.separation, impacts),
+            ImpactList::Features if are_whole => {
+                feature_impacts(&a, &b, self.same_surface, candidates, self.separation, impacts);
+            }
+            _ => first_impacts(&a, &b, self.same_surface, candidates, self.separation, impacts),
         }
         count
     }
@@ -355,7 +370,7 @@ pub fn sweep(
     buffers: &mut SweepBuffers,
     impacts: &mut Vec<PairImpact>,
 ) -> usize {
-    let sweep = Sweep { a: (*a, tree_a), b: (*b, tree_b), same_surface, is_solid: false, separation };
+    let sweep = Sweep { a: (*a, tree_a), b: (*b, tree_b), same_surface, list: ImpactList::Triangles, separation };
     sweep.collect(&Sequential, &mut buffers.leaves);
     let (first, mut candidates) = (impacts.len(), 0);
     let count = buffers.leaves.len();
@@ -367,7 +382,7 @@ pub fn sweep(
     candidates
 }
 
-/// Sorts impacts into the order of [`sweep`].
+/// Sorts impacts into the order of [`sweep`], those of one pair by their features.
 pub fn sort_impacts(impacts: &mut [PairImpact]) {
-    impacts.sort_unstable_by_key(|found| [found.triangle_a, found.triangle_b]);
+    impacts.sort_unstable_by_key(|found| (found.triangle_a, found.triangle_b, found.impact.features));
 }

@@ -47,6 +47,8 @@ pub struct SweepTree {
     tree: BoxTree,
     /// Whether the tree is fitted to the current boxes.
     has_tree: bool,
+    /// Whether every triangle has a box, and welded vertices are one point.
+    is_whole: bool,
     /// What each vertex sweeps. Only used while boxes are updated.
     vertices: Vec<SweptVertex>,
 }
@@ -129,11 +131,15 @@ impl SweepTree {
     }
 
     fn update_boxes(&mut self, mesh: &SweptMesh<'_>) {
-        let Self { drift, boxes, ways, bounds, vertices, has_tree, .. } = self;
+        let Self { drift, boxes, ways, bounds, vertices, has_tree, is_whole, .. } = self;
         *drift = mesh.drift;
         vertices.clear();
         let ends = mesh.start.iter().zip(mesh.end);
         vertices.extend(ends.map(|(&start, &end)| SweptVertex::new(start + mesh.drift, end)));
+        let is_one = |(vertex, &weld): (usize, &u32)| {
+            [mesh.start, mesh.end].into_iter().all(|positions| positions[vertex] == positions[weld as usize])
+        };
+        *is_whole = !mesh.topology.is_welded() || mesh.topology.weld().iter().enumerate().all(is_one);
         let triangles = mesh.topology.triangles();
         *has_tree &= boxes.len() == triangles.len();
         boxes.resize(triangles.len(), Aabb::EMPTY);
@@ -148,6 +154,7 @@ impl SweepTree {
                 Aabb::EMPTY
             };
             *has_tree &= swept == *kept;
+            *is_whole &= is_finite;
             *kept = swept;
             *bounds = bounds.union(&swept);
             ways.push(if is_finite { a.squared.max(b.squared).max(c.squared).sqrt() } else { f64::NAN });
@@ -240,6 +247,11 @@ impl SweepTree {
     /// Whether a triangle has a box: all its coordinates are finite.
     pub(super) fn has_box(&self, triangle: u32) -> bool {
         !self.ways[triangle as usize].is_nan()
+    }
+
+    /// Whether every triangle has a box, and welded vertices are one point.
+    pub(super) fn is_whole(&self) -> bool {
+        self.is_whole
     }
 
     /// Whether a triangle is fast, in a frame that moves by `farther` relative to that of the boxes.

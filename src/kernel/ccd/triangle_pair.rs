@@ -68,9 +68,15 @@ impl CommonVertices {
         common.next().is_none().then_some([first / 3, first % 3])
     }
 
-    /// Whether one of these corners of the first triangle is one of these corners of the second.
-    fn between(&self, of_a: &[usize], of_b: &[usize]) -> bool {
-        of_a.iter().any(|&corner_a| of_b.iter().any(|&corner_b| self.0[corner_a][corner_b]))
+    /// Whether two features share a vertex.
+    fn between(&self, features: FeaturePair) -> bool {
+        let corners = |feature: Feature| match feature.part() {
+            part @ 0..3 => [part; 3],
+            part @ 3..6 => [part - 3, part - 3, (part - 2) % 3],
+            _ => [0, 1, 2],
+        };
+        let of_b = corners(features.b);
+        corners(features.a).into_iter().any(|corner| of_b.into_iter().any(|other| self.0[corner][other]))
     }
 }
 
@@ -121,49 +127,103 @@ pub(super) fn triangle_pair_impact_by(
         return None;
     }
     if clear <= 0.0
-        && let Some(crossing) = crossing(a, b, common)
+        && let Some(crossing) = crossing_at_start(a, b, common)
     {
         return Some(crossing);
     }
     let mut first: Option<TriangleImpact> = None;
-    for vertex in 0..3 {
-        for vertex_is_of_a in [true, false] {
-            let (own, other) = if vertex_is_of_a { (a, b) } else { (b, a) };
-            let is_adjacent = if vertex_is_of_a {
-                common.between(&[vertex], &[0, 1, 2])
-            } else {
-                common.between(&[0, 1, 2], &[vertex])
-            };
-            if is_adjacent {
-                continue;
-            }
-            let points = |own: &[DVec3; 3], other: &[DVec3; 3]| [own[vertex], other[0], other[1], other[2]];
-            let (start, end) = (points(&own.start, &other.start), points(&own.end, &other.end));
-            let until = first.map_or(1.0, |impact| impact.time);
-            let Some(impact) = vertex_face_impact_within(&start, &end, separation, clear, until) else { continue };
-            let [_, weights @ ..] = impact.weights;
-            let features = FeaturePair { a: Feature::Vertex(vertex as u8), b: Feature::Face };
-            let found = triangle_impact(&impact, features, corner_weights(vertex), weights);
-            keep_earlier(&mut first, if vertex_is_of_a { found } else { found.swapped() });
-        }
-    }
-    for edge_a in 0..3 {
-        for edge_b in 0..3 {
-            let (ends_a, ends_b) = ([edge_a, (edge_a + 1) % 3], [edge_b, (edge_b + 1) % 3]);
-            if common.between(&ends_a, &ends_b) {
-                continue;
-            }
-            let points = |a: &[DVec3; 3], b: &[DVec3; 3]| [a[ends_a[0]], a[ends_a[1]], b[ends_b[0]], b[ends_b[1]]];
-            let (start, end) = (points(&a.start, &b.start), points(&a.end, &b.end));
-            let until = first.map_or(1.0, |impact| impact.time);
-            let Some(impact) = edge_edge_impact_within(&start, &end, separation, clear, until) else { continue };
-            let features = FeaturePair { a: Feature::Edge(edge_a as u8), b: Feature::Edge(edge_b as u8) };
-            let [_, along_a, _, along_b] = impact.weights;
-            let (weights_a, weights_b) = (edge_weights(edge_a, along_a), edge_weights(edge_b, along_b));
-            keep_earlier(&mut first, triangle_impact(&impact, features, weights_a, weights_b));
+    for features in feature_pairs(common, ALL_FEATURES) {
+        let until = first.map_or(1.0, |impact| impact.time);
+        if let Some(found) = features_impact(a, b, features, separation, clear, until)
+            && first.is_none_or(|first| found.time < first.time)
+        {
+            first = Some(found);
         }
     }
     first
+}
+
+/// The features of two triangles, as bits: 1 << 0 to 2 for the corners, 3 to 5 for the edges.
+pub(super) type FeatureBits = [u8; 2];
+
+/// All features of two triangles.
+const ALL_FEATURES: FeatureBits = [0b11_1111; 2];
+
+/// The bits of two features alone.
+fn bits_of(features: FeaturePair) -> FeatureBits {
+    [features.a, features.b].map(|feature| if feature == Feature::Face { 0 } else { 1 << feature.part() })
+}
+
+/// Calls `found` with the impact of each pair of features that meets, of those whose bits are set: a corner with the other
+/// face, or two edges. If the triangles cross at the start, also returns the crossing.
+pub(super) fn feature_impacts_by(
+    a: &MovingTriangle,
+    b: &MovingTriangle,
+    common: &CommonVertices,
+    tested: FeatureBits,
+    separation: f64,
+    normal: &mut DVec3,
+    found: impl FnMut(TriangleImpact),
+) -> Option<TriangleImpact> {
+    let clear = clear_from_start(a, b, common, separation, normal)?;
+    if clear > 1.0 {
+        return None;
+    }
+    let impact = |features: FeaturePair| features_impact(a, b, features, separation, clear, 1.0);
+    feature_pairs(common, tested).filter_map(impact).for_each(found);
+    if clear <= 0.0 { crossing_at_start(a, b, common) } else { None }
+}
+
+/// The pairs of features of two triangles in which one may meet the other: a corner and a face, or two edges, of those
+/// whose bits are set. Without those that share a vertex.
+fn feature_pairs(common: &CommonVertices, tested: FeatureBits) -> impl Iterator<Item = FeaturePair> {
+    let corners = (0..3).flat_map(|corner| {
+        let corner = Feature::Vertex(corner);
+        [FeaturePair { a: corner, b: Feature::Face }, FeaturePair { a: Feature::Face, b: corner }]
+    });
+    let edges = (0..9).map(|pair| FeaturePair { a: Feature::Edge(pair / 3), b: Feature::Edge(pair % 3) });
+    corners.chain(edges).filter(move |&features| {
+        let bits = bits_of(features);
+        tested[0] & bits[0] == bits[0] && tested[1] & bits[1] == bits[1] && !common.between(features)
+    })
+}
+
+/// First impact of two features, which must be clear until the time `clear`, not after `until`.
+fn features_impact(
+    a: &MovingTriangle,
+    b: &MovingTriangle,
+    features: FeaturePair,
+    separation: f64,
+    clear: f64,
+    until: f64,
+) -> Option<TriangleImpact> {
+    match (features.a, features.b) {
+        (Feature::Vertex(vertex), _) => {
+            let vertex = usize::from(vertex);
+            let points = |own: &[DVec3; 3], other: &[DVec3; 3]| [own[vertex], other[0], other[1], other[2]];
+            let (start, end) = (points(&a.start, &b.start), points(&a.end, &b.end));
+            let impact = vertex_face_impact_within(&start, &end, separation, clear, until)?;
+            let [_, weights @ ..] = impact.weights;
+            Some(triangle_impact(&impact, features, corner_weights(vertex), weights))
+        }
+        (_, Feature::Vertex(_)) => {
+            features_impact(b, a, features.swapped(), separation, clear, until).map(TriangleImpact::swapped)
+        }
+        _ => {
+            let [edge_a, edge_b] = [features.a, features.b].map(|edge| edge.part() - 3);
+            let (ends_a, ends_b) = (ends_of(edge_a), ends_of(edge_b));
+            let points = |a: &[DVec3; 3], b: &[DVec3; 3]| [a[ends_a[0]], a[ends_a[1]], b[ends_b[0]], b[ends_b[1]]];
+            let (start, end) = (points(&a.start, &b.start), points(&a.end, &b.end));
+            let impact = edge_edge_impact_within(&start, &end, separation, clear, until)?;
+            let [_, along_a, _, along_b] = impact.weights;
+            Some(triangle_impact(&impact, features, edge_weights(edge_a, along_a), edge_weights(edge_b, along_b)))
+        }
+    }
+}
+
+/// The corners that an edge joins.
+const fn ends_of(edge: usize) -> [usize; 2] {
+    [edge, (edge + 1) % 3]
 }
 
 fn triangle_impact(
@@ -192,12 +252,6 @@ impl TriangleImpact {
             normal: -self.normal,
             ..self
         }
-    }
-}
-
-fn keep_earlier(first: &mut Option<TriangleImpact>, found: TriangleImpact) {
-    if first.is_none_or(|first| found.time < first.time) {
-        *first = Some(found);
     }
 }
 
@@ -247,21 +301,25 @@ fn stay_apart_about(a: &MovingTriangle, b: &MovingTriangle, [common_a, common_b]
 
 /// An edge of one triangle that pierces the face of the other at the start of the step, by exact signs. Touching does
 /// not count: features that touch are found as such.
-fn crossing(a: &MovingTriangle, b: &MovingTriangle, common: &CommonVertices) -> Option<TriangleImpact> {
+pub(super) fn crossing_at_start(
+    a: &MovingTriangle,
+    b: &MovingTriangle,
+    common: &CommonVertices,
+) -> Option<TriangleImpact> {
     for edge_is_of_a in [true, false] {
         let (own, other) = if edge_is_of_a { (a, b) } else { (b, a) };
         for edge in 0..3 {
-            let ends = [edge, (edge + 1) % 3];
-            let is_adjacent =
-                if edge_is_of_a { common.between(&ends, &[0, 1, 2]) } else { common.between(&[0, 1, 2], &ends) };
-            if is_adjacent {
+            let features = FeaturePair { a: Feature::Edge(edge as u8), b: Feature::Face };
+            if common.between(if edge_is_of_a { features } else { features.swapped() }) {
                 continue;
             }
-            let Some((along, weights)) = piercing(ends.map(|end| own.start[end]), &other.start) else { continue };
+            let Some((along, weights)) = piercing(ends_of(edge).map(|end| own.start[end]), &other.start) else {
+                continue;
+            };
             let found = TriangleImpact {
                 time: 0.0,
                 cause: ImpactCause::Crossing,
-                features: FeaturePair { a: Feature::Edge(edge as u8), b: Feature::Face },
+                features,
                 barycentric_a: edge_weights(edge, along),
                 barycentric_b: weights,
                 normal: DVec3::ZERO,

@@ -61,6 +61,12 @@ impl Surroundings {
         self.first_of & COLLAPSED != 0
     }
 
+    /// The features for which the triangle is the first, without the bit of collapsed triangles.
+    #[inline]
+    pub(in crate::kernel) const fn features(self) -> u8 {
+        self.first_of & !COLLAPSED
+    }
+
     /// Everything in one number.
     #[cfg_attr(not(unoptimized), inline(always))]
     fn bits(self) -> u64 {

@@ -71,7 +71,7 @@ mod tests {
         let (features, cause) = (FeaturePair { a, b: Feature::Face }, ImpactCause::Reached);
         let [barycentric_a, barycentric_b] = [[1.0, 0.0, 0.0]; 2];
         let impact = TriangleImpact { time, cause, features, barycentric_a, barycentric_b, normal: DVec3::Y };
-        let pair = MeshPair { places: [0, 1], separation: 0.0, radius: 0.0 };
+        let pair = MeshPair { places: [0, 1], separation: 0.0, clearance: 0.0, radius: 0.0 };
         (pair, PairImpact { triangle_a, triangle_b, impact })
     }
 

@@ -10,7 +10,11 @@ use crate::{
     kernel::{
         ccd::{SweepTree, SweptMesh, drift},
         exact::rigid_shape::{ShapeGeometry, boundary_triangle},
-        mesh::{feature::Feature, topology::SurfaceTopology},
+        mesh::{
+            feature::Feature,
+            ids::{EdgeId, VertexId},
+            topology::SurfaceTopology,
+        },
         pose::Pose,
     },
     response::{
@@ -28,6 +32,10 @@ pub(super) const ROUNDING: f64 = 1.0e-6;
 /// Separation to keep, as a share of the contact distance. If features begin closer, half of their distance is kept
 /// instead.
 const KEPT_APART: f64 = 0.02;
+
+/// Distance that the solver should keep of what has come from far away in this tick, as a share of the contact distance. What
+/// begins the next tick any closer may pass through in its first substep, after which the constraint is on the far side.
+const CLEARANCE: f64 = 0.2;
 
 /// Features closer than this share of the contact distance may come no closer.
 const LEAST_APART: f64 = 0.005;
@@ -165,36 +173,42 @@ impl Mesh {
         *reach = reach.min(SHARE_OF_DISTANCE * distance);
     }
 
-    /// Whether a feature of a triangle is being pushed out of another mesh, or begins inside a shape. Nothing may hold
-    /// it there.
+    /// Whether a feature of a triangle is being pushed out of another mesh, with all triangles around it, or begins inside a
+    /// shape. Nothing may hold it there.
     pub(super) fn is_leaving(
         &self,
         triangle: u32,
         feature: Feature,
         other: &Self,
-        ways: (&Particles, &Gatherer),
+        (particles, gatherer): (&Particles, &Gatherer),
     ) -> bool {
-        let (Some(first), (particles, gatherer)) = (self.first, ways) else { return false };
-        let corners = self.topology.welded_triangles()[triangle as usize].map(|corner| first + corner as usize);
-        if corners.iter().any(|&corner| gatherer.is_leaving(other.name.entity, corner as u32)) {
-            return true;
-        }
-        let is_vertex = matches!(feature, Feature::Vertex(_));
-        if !is_vertex && gatherer.is_crossing(self.name.entity, other.name.entity, triangle) {
-            return true;
-        }
-        let Some((geometry, own)) = other.shape.as_ref().filter(|_| other.radius <= 0.0) else { return false };
-        let begins_inside = |corner: usize| {
-            let start = own.transform_point(particles.start[corner]);
-            geometry.signed_distance(start) < 0.0
-        };
-        match feature {
-            Feature::Vertex(corner) => begins_inside(corners[corner as usize]),
-            Feature::Edge(edge) => {
-                [edge as usize, (edge as usize + 1) % 3].into_iter().any(|end| begins_inside(corners[end]))
+        let Some(corners) = self.corners(triangle) else { return false };
+        let (topology, own) = (&*self.topology, triangle as usize);
+        let (around, first, count) = match feature {
+            Feature::Vertex(corner) => {
+                let vertex = topology.welded_triangles()[own][corner as usize];
+                (topology.triangles_of_vertex(VertexId(vertex)), corner, 1)
             }
-            Feature::Face => corners.into_iter().any(begins_inside),
-        }
+            Feature::Edge(edge) => {
+                let number = topology.triangle_edges()[own][edge as usize];
+                (topology.triangles_of_edge(EdgeId(number)), edge, 2)
+            }
+            Feature::Face => (std::slice::from_ref(&triangle), 0, 3),
+        };
+        let [entity, from] = [self.name.entity, other.name.entity];
+        let leaves = |&triangle: &u32| {
+            let corners = self.corners(triangle).into_iter().flatten();
+            corners.into_iter().any(|corner| gatherer.is_leaving(from, corner))
+                || count > 1 && gatherer.is_crossing(entity, from, triangle)
+        };
+        let begins_inside = |(geometry, own): &(Arc<ShapeGeometry>, Pose)| {
+            let vertices = (first..first + count).map(|corner| corners[corner as usize % 3]);
+            vertices.into_iter().any(|vertex| {
+                let start = own.transform_point(particles.start[vertex as usize]);
+                geometry.signed_distance(start) < 0.0
+            })
+        };
+        around.iter().all(leaves) || other.shape.as_ref().filter(|_| other.radius <= 0.0).is_some_and(begins_inside)
     }
 
     /// The particles of a triangle, if it belongs to a body.
@@ -230,7 +244,10 @@ impl Mesh {
 #[derive(Clone, Copy)]
 pub(super) struct MeshPair {
     pub(super) places: [usize; 2],
+    /// What the guard keeps.
     pub(super) separation: f64,
+    /// What the solver should keep, at least as much: what comes closer has not been watched, and the tick is solved again.
+    pub(super) clearance: f64,
     /// The solid part of the separation.
     pub(super) radius: f64,
 }
@@ -250,12 +267,15 @@ impl MeshPair {
         let contact_distance = reach(mesh) + reach(other);
         let radius = mesh.radius + other.radius;
         let (a, b) = (mesh.name.entity, other.name.entity);
-        let nearest = scene.nearest_of(a, b).unwrap_or(contact_distance);
+        let known = scene.nearest_of(a, b);
+        let nearest = known.unwrap_or(contact_distance);
         let kept = KEPT_APART * contact_distance;
         // Under pressure over many ticks, halving would shrink the separation to nothing. It still has to stay below
         // the smallest distance.
         let floor = (LEAST_KEPT * nearest - ROUNDING * radius).clamp(0.0, LEAST_APART * contact_distance);
-        Self { places, separation: radius + kept.min((0.5 * nearest).max(floor)), radius }
+        let separation = radius + kept.min((0.5 * nearest).max(floor));
+        let clearance = if known.is_none() { radius + CLEARANCE * contact_distance } else { separation };
+        Self { places, separation, clearance, radius }
     }
 }
 

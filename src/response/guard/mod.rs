@@ -29,7 +29,7 @@ use crate::{
     detection::{Sweeping, Threads},
     kernel::{
         bvh::tree::BoxTree,
-        ccd::{ImpactCause, PairImpact, Sweep},
+        ccd::{ImpactCause, ImpactList, PairImpact, Sweep},
         exact::triangle_pair::PairProximity,
         mesh::bounds::Aabb,
         xpbd::RigidBodies,
@@ -99,6 +99,8 @@ pub(super) struct Guard {
     threads: Threads,
     scratch: PairProximity,
     filter: Option<ContactFilter>,
+    /// Whether the tick is not solved again: what remains is stopped.
+    is_solved: bool,
     tick: u64,
 }
 
@@ -111,6 +113,7 @@ impl Guard {
         self.pairs.clear();
         self.found.clear();
         self.jammed.clear();
+        self.is_solved = false;
         if scene.is_any_swept() {
             self.gather(particles, scene, |entity| gatherer.first_particle(entity));
             self.find(particles, gatherer, |_| true);
@@ -182,9 +185,11 @@ impl Guard {
 
     /// Appends the impacts of pairs with at least one mesh for which `requested` returns true.
     fn find(&mut self, particles: &Particles, gatherer: &Gatherer, requested: impl Fn(&Mesh) -> bool) {
-        let Self { meshes, pairs, found, impacts, sweeping, threads, jammed, scratch, filter: game, .. } = self;
+        let Self { meshes, pairs, found, impacts, sweeping, threads, jammed, scratch, filter: game, is_solved, .. } =
+            self;
         for pair in &*pairs {
-            let MeshPair { places: [a, b], separation, .. } = *pair;
+            let MeshPair { places: [a, b], separation, clearance, .. } = *pair;
+            let separation = if *is_solved { separation } else { clearance };
             let (mesh_a, mesh_b) = (&meshes[a], &meshes[b]);
             if !(requested(mesh_a) || requested(mesh_b)) {
                 continue;
@@ -192,12 +197,17 @@ impl Guard {
             let (swept_a, swept_b) = (mesh_a.swept(particles), mesh_b.swept(particles));
             let sides = ((swept_a, &mesh_a.tree), (swept_b, &mesh_b.tree));
             let filter = PairFilter::between(&mesh_a.filter, &mesh_b.filter, a == b, game.as_ref());
-            // What the game leaves out must not hide what is behind it.
-            let is_solid = mesh_b.shape.is_some() && filter.is_none();
-            let sweep = Sweep { a: sides.0, b: sides.1, same_surface: a == b, is_solid, separation };
+            let is_round = mesh_a.radius + mesh_b.radius > 0.0;
+            let list = match filter {
+                // A pair that the game leaves out may be the one in which features are tested.
+                Some(_) => ImpactList::Triangles,
+                // What is within a radius and being pushed out must not hide what is behind it.
+                None if mesh_b.shape.is_some() && !is_round => ImpactList::Solid,
+                None => ImpactList::Features,
+            };
+            let sweep = Sweep { a: sides.0, b: sides.1, same_surface: a == b, list, separation };
             sweeping.run(&sweep, filter.as_ref(), threads.0, impacts);
             let before = found.len();
-            let is_round = mesh_a.radius + mesh_b.radius > 0.0;
             let is_leaving = |found: &PairImpact| {
                 let (features, ways) = (found.impact.features, (particles, gatherer));
                 mesh_a.is_leaving(found.triangle_a, features.a, mesh_b, ways)
@@ -211,7 +221,7 @@ impl Guard {
                     cause => is_met(cause).then_some((*pair, impact)),
                 }
             }));
-            if is_solid && !is_round {
+            if list == ImpactList::Solid {
                 keep_first(found, before);
             }
             if a == b && impacts.len() > MOST_OWN_IMPACTS * mesh_a.topology.vertex_count() {
@@ -230,6 +240,12 @@ impl Guard {
         duration: f64,
         gatherer: &mut Gatherer,
     ) -> Guarded {
+        // For the solver they were too close.
+        self.is_solved = true;
+        if !self.found.is_empty() {
+            self.found.clear();
+            self.find(particles, gatherer, |_| true);
+        }
         let jammed = self.jammed.iter().map(|&place| self.meshes[place].name.entity).collect();
         let mut guarded = Guarded { impacts: self.found.len(), jammed, ..Guarded::default() };
         if !self.found.is_empty() {

@@ -4,6 +4,7 @@
 mod designs;
 mod families;
 mod feature;
+mod lists;
 mod sweep;
 mod triangle_pair;
 mod truth;
