@@ -139,3 +139,25 @@ fn a_flag_that_is_crushed_against_its_pole_stays_near_it() {
         assert!(stopped > 0, "the ball misses the flag");
     }
 }
+
+/// What falls in the last moment of a tick to just before a sheet begins the next one so close that it passes through in
+/// the first substep. The solver stops it, not the guard.
+#[test]
+fn sheets_that_fall_flat_onto_sheets_are_stopped_by_the_solver() {
+    let (mut stopped, mut landed) = (0, 0);
+    for drop in (0..24).map(|drop| 0.4 + 0.004 * drop as f32) {
+        let mut scene = Scene::new();
+        let thickness = SurfaceThickness::World(0.004);
+        for height in [0.05, 0.05 + drop] {
+            let sheet = grid(12, 12, 0.3, 0.3, Diagonals::Alternating).translate([0.0, height, 0.0]);
+            scene.add(&sheet, XpbdMaterial::CLOTH, (thickness, SelfCollision, SweptCollision));
+        }
+        scene.app.world_mut().spawn((RigidShape(SharedShape::halfspace(Vec3::Y)), Transform::default()));
+        for _ in 0..40 {
+            scene.run(1);
+            stopped += scene.diagnostics().vertices_stopped;
+        }
+        landed += usize::from(scene.diagnostics().pressing > 300);
+    }
+    assert_eq!((stopped, landed), (0, 24));
+}

@@ -11,6 +11,10 @@ const TOGETHER: f32 = 1.0e-6;
 /// Edges count as parallel if the sine of the angle between them is smaller.
 const PARALLEL_SINE: f32 = 3.0e-4;
 
+/// The cosine of the angle by which a direction turns around a rim in a substep at most. What turns farther has passed through
+/// what is on both sides of the rim.
+const PASSED: f32 = -0.95;
+
 /// Which features of two triangles meet.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FeatureKind {
@@ -156,7 +160,8 @@ fn directed<S: Simd>(
     let squared = between.dot(between);
     let is_apart = squared.simd_gt(size_squared * (TOGETHER * TOGETHER));
     let unit = between.scaled(f32x8::splat(simd, 1.0) / squared.sqrt());
-    let has_passed = can_pass & unit.dot(before).simd_lt(zero);
+    let turned = unit.dot(before);
+    let has_passed = can_pass & turned.simd_lt(zero) | turned.simd_lt(PASSED);
     let unit = VectorLanes::select(has_passed, unit.negated(), unit);
     VectorLanes::select(is_apart, unit, before)
 }
@@ -241,6 +246,13 @@ mod tests {
         let outside = DVec3::new(-0.2, -0.1, 0.3);
         let (_, normal) = meeting_of(FeatureKind::VertexFace, &[outside, face[0], face[1], face[2]], DVec3::Y);
         assert!(normal.distance(DVec3::new(-0.2, -0.1, 0.0).normalize()) < 1e-6, "{normal}");
+        // Nearly behind the rim, it has passed through what is on both sides of that, as between two sheets with equal grids.
+        let behind = DVec3::new(-0.02, -0.1, 0.3);
+        let (_, normal) = meeting_of(FeatureKind::VertexFace, &[behind, face[0], face[1], face[2]], DVec3::Y);
+        assert!(normal.distance(DVec3::new(0.02, 0.1, 0.0).normalize()) < 1e-6, "{normal}");
+        let [below, along] = [DVec3::NEG_Y * 0.1, DVec3::X];
+        let parallel = [below - along, below + along, -along, along];
+        assert_eq!(meeting_of(FeatureKind::EdgeEdge, &parallel, DVec3::Y).1, DVec3::Y);
         let edges = [DVec3::new(-1.0, -0.1, 0.0), DVec3::new(1.0, -0.1, 0.0), DVec3::NEG_Z, DVec3::Z];
         let (_, normal) = meeting_of(FeatureKind::EdgeEdge, &edges, DVec3::Y);
         assert_eq!(normal, DVec3::Y);
