@@ -89,7 +89,9 @@ pub fn drift(start: &[DVec3], end: &[DVec3]) -> DVec3 {
 pub enum ImpactList {
     /// The first impact of each pair of triangles.
     Triangles,
-    /// The impact of each pair of features, a vertex and a face or two edges, in one of the pairs of triangles around them.
+    /// The impact of each pair of features, a vertex and a face or two edges, in one of the pairs of triangles around them,
+    /// and the pairs of triangles that cross at the start. If welded vertices of a mesh are apart, or a coordinate is not
+    /// finite, this lists what `Triangles` does.
     Features,
     /// Like `Features`, if the second mesh encloses a convex solid, and what is behind the first impact of a triangle of the
     /// first mesh does not matter: most of that is left out.
