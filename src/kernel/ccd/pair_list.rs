@@ -11,11 +11,7 @@ use super::{
         CommonVertices, MovingTriangle, TriangleImpact, crossing_at_start, feature_impacts_by, triangle_pair_impact_by,
     },
 };
-use crate::kernel::mesh::{
-    feature::{Feature, FeaturePair},
-    ids::{EdgeId, TriangleId, VertexId},
-    topology::SurfaceTopology,
-};
+use crate::kernel::mesh::{feature::FeaturePair, ids::TriangleId, topology::SurfaceTopology};
 
 /// One moving side of a list of pairs, in a frame common to both sides and to both ends of the step.
 #[derive(Clone, Copy, Debug)]
@@ -49,18 +45,6 @@ impl<Position: Copy + Into<DVec3>> MovingSide<'_, Position> {
     /// The features for which a triangle is the first of those around them.
     fn firsts(&self, triangle: u32) -> u8 {
         self.topology.surroundings(TriangleId(triangle)).features()
-    }
-
-    /// The triangles around a feature of a triangle.
-    fn around<'a>(&'a self, triangle: &'a u32, feature: Feature) -> &'a [u32] {
-        let (topology, own) = (self.topology, *triangle as usize);
-        match feature {
-            Feature::Vertex(corner) => {
-                topology.triangles_of_vertex(VertexId(topology.triangles()[own][corner as usize]))
-            }
-            Feature::Edge(edge) => topology.triangles_of_edge(EdgeId(topology.triangle_edges()[own][edge as usize])),
-            Feature::Face => std::slice::from_ref(triangle),
-        }
     }
 }
 
@@ -131,9 +115,12 @@ pub(super) fn feature_impacts(
         let mut kept = before;
         for place in before..impacts.len() {
             let FeaturePair { a: of_a, b: of_b } = impacts[place].impact.features;
-            let around_b = b.around(&triangle_b, of_b);
-            let mut pairs =
-                a.around(&triangle_a, of_a).iter().flat_map(|&one| around_b.iter().map(move |&other| [one, other]));
+            let around_b = b.topology.triangles_around(&triangle_b, of_b);
+            let mut pairs = a
+                .topology
+                .triangles_around(&triangle_a, of_a)
+                .iter()
+                .flat_map(|&one| around_b.iter().map(move |&other| [one, other]));
             if !pairs.all(crosses) {
                 impacts.swap(kept, place);
                 kept += 1;

@@ -11,6 +11,7 @@ use glam::Vec3;
 
 use super::{
     fans::Fans,
+    feature::Feature,
     ids::{EdgeId, TriangleId, VertexId},
     surroundings::Surroundings,
     validation::{MAX_ELEMENTS, TopologyError, validate, validate_positions},
@@ -383,6 +384,16 @@ impl SurfaceTopology {
     #[inline]
     pub fn triangles_of_vertex(&self, vertex: VertexId) -> &[u32] {
         self.vertex_triangles.around(self.weld[vertex.index()])
+    }
+
+    /// The triangles around a feature of a triangle: all that have it.
+    pub(crate) fn triangles_around<'a>(&'a self, triangle: &'a u32, feature: Feature) -> &'a [u32] {
+        let own = *triangle as usize;
+        match feature {
+            Feature::Vertex(corner) => self.vertex_triangles.around(self.welded_triangles[own][corner as usize]),
+            Feature::Edge(edge) => self.edge_triangles.around(self.triangle_edges[own][edge as usize]),
+            Feature::Face => std::slice::from_ref(triangle),
+        }
     }
 
     /// Whether two triangles are neighbors: they share a welded vertex. Such a pair is never reported as touching.

@@ -10,11 +10,7 @@ use crate::{
     kernel::{
         ccd::{SweepTree, SweptMesh, drift},
         exact::rigid_shape::{ShapeGeometry, boundary_triangle},
-        mesh::{
-            feature::Feature,
-            ids::{EdgeId, VertexId},
-            topology::SurfaceTopology,
-        },
+        mesh::{feature::Feature, topology::SurfaceTopology},
         pose::Pose,
     },
     response::{
@@ -183,17 +179,10 @@ impl Mesh {
         (particles, gatherer): (&Particles, &Gatherer),
     ) -> bool {
         let Some(corners) = self.corners(triangle) else { return false };
-        let (topology, own) = (&*self.topology, triangle as usize);
-        let (around, first, count) = match feature {
-            Feature::Vertex(corner) => {
-                let vertex = topology.welded_triangles()[own][corner as usize];
-                (topology.triangles_of_vertex(VertexId(vertex)), corner, 1)
-            }
-            Feature::Edge(edge) => {
-                let number = topology.triangle_edges()[own][edge as usize];
-                (topology.triangles_of_edge(EdgeId(number)), edge, 2)
-            }
-            Feature::Face => (std::slice::from_ref(&triangle), 0, 3),
+        let (first, count) = match feature {
+            Feature::Vertex(corner) => (corner, 1),
+            Feature::Edge(edge) => (edge, 2),
+            Feature::Face => (0, 3),
         };
         let [entity, from] = [self.name.entity, other.name.entity];
         let leaves = |&triangle: &u32| {
@@ -208,7 +197,8 @@ impl Mesh {
                 geometry.signed_distance(start) < 0.0
             })
         };
-        around.iter().all(leaves) || other.shape.as_ref().filter(|_| other.radius <= 0.0).is_some_and(begins_inside)
+        self.topology.triangles_around(&triangle, feature).iter().all(leaves)
+            || other.shape.as_ref().filter(|_| other.radius <= 0.0).is_some_and(begins_inside)
     }
 
     /// The particles of a triangle, if it belongs to a body.
