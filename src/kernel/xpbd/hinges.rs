@@ -9,7 +9,7 @@ use glam::DVec3;
 
 use super::{
     coloring::{Rests, lanes_of},
-    rows::{MovingRows, NOBODY, Places, gather, row_of, scatter_free, set_lane},
+    rows::{MovingRows, NOBODY, Places, gather, place_in_lane, scatter_free},
 };
 use crate::kernel::simd::lanes::{VectorLanes, VectorRows, WIDTH};
 
@@ -73,13 +73,8 @@ impl Hinges {
                 multiplier: [0.0; WIDTH],
             };
             for (lane, hinge) in lanes_of(numbers) {
-                let places = rests.particles[hinge].map(|corner| first + corner as usize);
-                for corner in 0..4 {
-                    block.corners[corner][lane] = row_of(places[corner]);
-                }
-                for corner in 0..3 {
-                    set_lane(&mut block.start[corner], lane, start[places[corner + 1]] - start[places[0]]);
-                }
+                let corners = rests.particles[hinge].map(|corner| first + corner as usize);
+                place_in_lane(lane, (&mut block.corners, &mut block.start), corners, start);
                 block.bend[lane] = rests.values[hinge] as f32;
             }
             block

@@ -1,6 +1,6 @@
 //! The state of particles, one row of four numbers each, and how eight of them get into lanes and back.
 
-use std::cell::Cell;
+use std::{cell::Cell, iter::zip};
 
 use fearless_simd::{f32x4, f32x8, prelude::*};
 use glam::{DVec3, Vec3, Vec4};
@@ -34,6 +34,21 @@ pub(super) const NOBODY: u32 = 0;
 #[cfg_attr(not(unoptimized), inline(always))]
 pub(super) const fn row_of(particle: usize) -> u32 {
     particle as u32 + 1
+}
+
+/// Puts a constraint into a lane: the rows of its particles, and where those after the first start, relative to it.
+pub(super) fn place_in_lane<const N: usize, const M: usize>(
+    lane: usize,
+    (corners, offsets): (&mut [Places; N], &mut [VectorRows; M]),
+    particles: [usize; N],
+    start: &[DVec3],
+) {
+    for (places, particle) in zip(corners, particles) {
+        places[lane] = row_of(particle);
+    }
+    for (offset, &particle) in zip(offsets, &particles[1..]) {
+        set_lane(offset, lane, start[particle] - start[particles[0]]);
+    }
 }
 
 /// Vectors of eight particles, and the inverse masses.

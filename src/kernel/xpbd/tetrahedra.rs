@@ -27,7 +27,7 @@ use glam::{DMat3, DVec3};
 use self::deformation::{Columns, Deformation, by_corners};
 use super::{
     coloring::{Rests, in_order, lanes_of},
-    rows::{Gathered, MovingRows, NOBODY, Places, gather, row_of, scatter_free, set_lane},
+    rows::{Gathered, MovingRows, NOBODY, Places, gather, place_in_lane, scatter_free, set_lane},
 };
 use crate::kernel::simd::lanes::{VectorLanes, VectorRows, WIDTH};
 
@@ -164,11 +164,8 @@ impl Tetrahedra {
             for (lane, tetrahedron) in lanes_of(numbers) {
                 let places = rests.particles[tetrahedron].map(|corner| first + corner as usize);
                 let rest = &rests.values[tetrahedron];
-                for corner in 0..4 {
-                    block.corners[corner][lane] = row_of(places[corner]);
-                }
+                place_in_lane(lane, (&mut block.corners, &mut block.start), places, start);
                 for edge in 0..3 {
-                    set_lane(&mut block.start[edge], lane, start[places[edge + 1]] - start[places[0]]);
                     set_lane(&mut block.inverse[edge], lane, rest.inverse.row(edge) / scale);
                 }
                 let [a, b, c] = [1, 2, 3].map(|corner| start[places[corner]] - start[places[0]]);

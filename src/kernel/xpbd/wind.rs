@@ -9,7 +9,7 @@ use glam::{DVec3, Vec3};
 
 use super::{
     coloring::{Rests, lanes_of},
-    rows::{MovingRows, NOBODY, Places, gather, row_of, scatter_free, set_lane},
+    rows::{MovingRows, NOBODY, Places, gather, place_in_lane, scatter_free},
 };
 use crate::kernel::simd::lanes::{VectorLanes, VectorRows, WIDTH};
 
@@ -56,13 +56,8 @@ impl Sails {
             let (corners, edges) = ([[NOBODY; WIDTH]; 3], [VectorRows::ZERO; 2]);
             let mut block = SailBlock { corners, edges, most: [0.0; WIDTH] };
             for (lane, triangle) in lanes_of(numbers) {
-                let places = rests.particles[triangle].map(|corner| first + corner as usize);
-                for corner in 0..3 {
-                    block.corners[corner][lane] = row_of(places[corner]);
-                }
-                for corner in 0..2 {
-                    set_lane(&mut block.edges[corner], lane, start[places[corner + 1]] - start[places[0]]);
-                }
+                let corners = rests.particles[triangle].map(|corner| first + corner as usize);
+                place_in_lane(lane, (&mut block.corners, &mut block.edges), corners, start);
                 block.most[lane] = 2.0 * rests.values[triangle] * (scale * scale) as f32;
             }
             block

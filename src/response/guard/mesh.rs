@@ -186,13 +186,13 @@ impl Mesh {
         };
         let [entity, from] = [self.name.entity, other.name.entity];
         let leaves = |&triangle: &u32| {
-            let corners = self.corners(triangle).into_iter().flatten();
-            corners.into_iter().any(|corner| gatherer.is_leaving(from, corner))
+            let mut corners = self.corners(triangle).into_iter().flatten();
+            corners.any(|corner| gatherer.is_leaving(from, corner))
                 || count > 1 && gatherer.is_crossing(entity, from, triangle)
         };
         let begins_inside = |(geometry, own): &(Arc<ShapeGeometry>, Pose)| {
-            let vertices = (first..first + count).map(|corner| corners[corner as usize % 3]);
-            vertices.into_iter().any(|vertex| {
+            let mut vertices = (first..first + count).map(|corner| corners[corner as usize % 3]);
+            vertices.any(|vertex| {
                 let start = own.transform_point(particles.start[vertex as usize]);
                 geometry.signed_distance(start) < 0.0
             })
