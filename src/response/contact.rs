@@ -120,6 +120,12 @@ impl SolverContacts {
         self.lists_mut().for_each(|list| list.found.clear());
     }
 
+    /// The slabs that space is split into in this tick.
+    #[must_use]
+    pub const fn slabs(&self) -> &Slabs {
+        &self.slabs
+    }
+
     fn lists(&self) -> impl Iterator<Item = &List> {
         self.phases.iter().flat_map(|phase| phase.as_flattened())
     }
@@ -227,7 +233,7 @@ impl SolverContacts {
     /// Takes over the contacts that have been added since the solution began, when `share` of the tick has passed.
     pub fn extend(&mut self, team: &dyn Team, particles: &Particles, rows: MovingRows<'_>, share: f32) {
         let is_free = |particle: u32| particles.is_free(particle);
-        let at = At { start: &particles.start, rows, share };
+        let at = At { start: rows.starts(&particles.start), rows, share };
         self.for_each(team, |List { found, colored, coloring }| colored.extend(found, is_free, coloring, &at));
     }
 

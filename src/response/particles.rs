@@ -62,10 +62,13 @@ impl Particles {
     }
 
     /// Lets rigid bodies carry the particles on them, from a number on.
-    pub fn carry(&self, first: usize, bodies: &mut RigidBodies) {
-        bodies.carry((first..self.len()).filter_map(|particle| {
-            Some(OnBody { particle, body: self.body[particle]?, ends: [self.start[particle], self.end[particle]] })
-        }));
+    pub fn carry(&self, first: usize, rows: &ParticleRows, bodies: &mut RigidBodies) {
+        bodies.carry(
+            rows.starts(&self.start),
+            (first..self.len()).filter_map(|particle| {
+                Some(OnBody { particle, body: self.body[particle]?, ends: [self.start[particle], self.end[particle]] })
+            }),
+        );
     }
 
     /// Makes a particle follow the trajectory of another one that is kinematic.

@@ -24,6 +24,8 @@ pub(super) struct RestShape {
     /// The tetrahedra that resist, if it has an inside.
     pub(super) tetrahedra: TetrahedronRests,
     pub(super) inside: Option<Inside>,
+    /// The vertices of each slab.
+    pub(super) parts: Vec<Vec<u32>>,
     /// What it was made from.
     pub(super) positions: Vec<Vec3>,
 }
@@ -101,6 +103,7 @@ impl RestShape {
             volume: volume.flatten(),
             tetrahedra: TetrahedronRests::new(points.len(), &slabs, rests.into_iter()),
             inside,
+            parts: slabs.parts(),
             positions: positions.to_vec(),
         })
     }

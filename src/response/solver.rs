@@ -23,8 +23,8 @@ use crate::{
         mesh::topology::SurfaceTopology,
         simd::parallel::{Sequential, Team, share},
         xpbd::{
-            Air, Attachments, Elasticity, Evaluation, Hinges, MovingRows, ParticleRows, RigidBodies, Sails, Springs,
-            Tethered, Tethers, Tetrahedra, Volumes,
+            Air, Attachments, Elasticity, Evaluation, Hinges, MovingRows, ParticleRows, RigidBodies, Sails, Slabs,
+            Springs, Starts, Tethered, Tethers, Tetrahedra, Volumes,
         },
     },
 };
@@ -53,6 +53,8 @@ pub(super) struct SolverBody {
 struct Part {
     /// The number of the body.
     body: usize,
+    /// The slab of this tick that it is in, or most of it.
+    slab: usize,
     springs: Springs,
     hinges: Hinges,
     tetrahedra: Tetrahedra,
@@ -62,9 +64,9 @@ struct Part {
 }
 
 impl Part {
-    fn begin(&mut self, (number, body): (usize, &SolverBody), slab: usize, start: &[DVec3]) {
-        let Self { body: of, springs, hinges, tetrahedra, sails, .. } = self;
-        *of = number;
+    fn begin(&mut self, (number, body): (usize, &SolverBody), slab: usize, start: Starts<'_>) {
+        let Self { body: of, slab: own_slab, springs, hinges, tetrahedra, sails, .. } = self;
+        (*of, *own_slab) = (number, slab);
         sails.clear();
         springs.clear();
         hinges.clear();
@@ -149,7 +151,7 @@ struct Inners {
 }
 
 impl Inners {
-    fn begin(&mut self, bodies: &[SolverBody], start: &[DVec3]) {
+    fn begin(&mut self, bodies: &[SolverBody], space: &Slabs, start: Starts<'_>) {
         let Self { slabs, between, volumes, of_bodies, has_tetrahedra } = self;
         volumes.clear();
         of_bodies.clear();
@@ -165,6 +167,13 @@ impl Inners {
             let own = (first, topology.vertex_count());
             of_bodies.push(volume.map(|volume| volumes.add(volume, own, scale, start)));
         }
+        // What is in the same slab is solved by the same thread as the contacts there.
+        for part in &mut *slabs {
+            let SolverBody { first, rest, .. } = &bodies[part.body];
+            let own = &rest.parts[part.slab];
+            part.slab = own.get(own.len() / 2).map_or(0, |&vertex| space.of(*first as u32 + vertex));
+        }
+        slabs.sort_by_key(|part| part.slab);
         *has_tetrahedra = slabs.iter().chain(&*between).any(|part| !part.tetrahedra.is_empty());
     }
 
@@ -294,13 +303,21 @@ impl Solver {
 
     /// Keeps particles, each of them named once, within distances of kinematic ones.
     pub(super) fn attach(&mut self, attached: impl Iterator<Item = ([usize; 2], f64)>) {
-        self.attachments.add(attached, &self.particles.start);
+        self.attachments.add(attached);
     }
 
     /// Begins a tick, which may be solved more than once.
     pub(super) fn begin(&mut self) {
-        self.first_velocities.clone_from(&self.particles.velocity);
-        self.inners.begin(&self.bodies, &self.particles.start);
+        let Self { particles, bodies, contacts, rows, inners, tethers, attachments, first_velocities, .. } = self;
+        first_velocities.clone_from(&particles.velocity);
+        let parts = bodies
+            .iter()
+            .flat_map(|body| body.rest.parts.iter().map(|part| part.iter().map(|&vertex| body.first as u32 + vertex)));
+        rows.arrange(contacts.slabs(), particles.len(), parts);
+        let start = rows.starts(&particles.start);
+        inners.begin(bodies, contacts.slabs(), start);
+        tethers.begin(start);
+        attachments.begin(start);
     }
 
     /// Resets the tick to its beginning. Particles added since then start now.
@@ -338,7 +355,7 @@ impl Solver {
         let mut solved = Solved::default();
         self.particles.begin(&mut self.rows);
         self.rigid_bodies.begin();
-        self.particles.carry(0, &mut self.rigid_bodies);
+        self.particles.carry(0, &self.rows, &mut self.rigid_bodies);
         self.contacts.begin_solution(team, &self.particles, self.rows.moving());
         for substep in 1..=settings.substeps {
             if substep > 1 {
@@ -346,7 +363,7 @@ impl Solver {
                 let passed = (f64::from(substep - 1) / f64::from(settings.substeps)) as f32;
                 let known = self.rows.count();
                 self.particles.extend(&mut self.rows, passed);
-                self.particles.carry(known, &mut self.rigid_bodies);
+                self.particles.carry(known, &self.rows, &mut self.rigid_bodies);
                 self.rigid_bodies.place(self.rows.moving(), passed);
                 if is_any_new {
                     self.contacts.extend(team, &self.particles, self.rows.moving(), passed);
@@ -355,12 +372,14 @@ impl Solver {
             let Self { bodies, contacts, rigid_bodies, forces, tethers, attachments, rows, inners, .. } = self;
             for body in &*bodies {
                 let kept = (1.0 - f64::from(body.material.drag) * step).max(0.0);
-                rows.slow_down(body.first, body.topology.vertex_count(), kept as f32);
+                if kept < 1.0 {
+                    rows.slow_down(body.first, body.topology.vertex_count(), kept as f32);
+                }
             }
             inners.blow(team, bodies, rows.moving(), step);
             rows.apply_forces(forces, step as f32);
             let share = f64::from(substep) / f64::from(settings.substeps);
-            rows.predict(step as f32, settings.gravity, share as f32);
+            rows.predict(team, step as f32, settings.gravity, share as f32);
             rigid_bodies.predict(step);
             rigid_bodies.place(rows.moving(), share as f32);
             rigid_bodies.set_speeds(rows.moving(), step as f32);
@@ -372,14 +391,14 @@ impl Solver {
             for _ in 0..settings.iterations {
                 inners.solve(team, bodies, rows, step);
                 attachments.solve(rows.moving(), (share * duration) as f32);
-                tethers.solve(rows, share as f32);
+                tethers.solve(team, rows.moving(), share as f32);
                 contacts.solve(team, rows.moving(), rigid_bodies, share as f32);
                 if inners.keep_upright(team, rows.moving()) {
                     contacts.separate_again(team, rows.moving(), rigid_bodies, share as f32);
                     inners.keep_upright(team, rows.moving());
                 }
             }
-            rows.update_velocities(step as f32);
+            rows.update_velocities(team, step as f32);
             inners.damp(team, bodies, rows.moving(), step);
             inners.end_step(team, rows.moving());
             contacts.end_step(team, rows.moving(), rigid_bodies, step);

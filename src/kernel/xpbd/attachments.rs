@@ -5,9 +5,8 @@
 //! 2012, "Long Range Attachments").
 
 use fearless_simd::{f32x8, prelude::*};
-use glam::DVec3;
 
-use super::rows::{Gathered, MovingRows, NOBODY, Places, gather, row_of, scatter_free, set_lane};
+use super::rows::{Gathered, MovingRows, NOBODY, Places, Starts, gather, scatter_free, set_lane};
 use crate::kernel::simd::lanes::{VectorLanes, VectorRows, WIDTH};
 
 /// How fast a particle comes back that begins a tick too far away, in longest distances per second. Faster, it would be
@@ -40,30 +39,37 @@ impl Block {
 /// The attachments of all bodies in a tick.
 #[derive(Debug, Default)]
 pub struct Attachments {
+    attached: Vec<([usize; 2], f64)>,
     blocks: Vec<Block>,
 }
 
 impl Attachments {
     pub fn clear(&mut self) {
-        self.blocks.clear();
+        self.attached.clear();
     }
 
     /// Attaches particles, each of them named once, to kinematic ones: a particle, its anchor, and the longest distance
-    /// between them in world units. `start` are the places of all particles at the beginning of the tick.
-    pub fn add(&mut self, attached: impl Iterator<Item = ([usize; 2], f64)>, start: &[DVec3]) {
-        for (number, ([particle, anchor], longest)) in attached.enumerate() {
-            let lane = number % WIDTH;
-            if lane == 0 {
-                self.blocks.push(Block::EMPTY);
+    /// between them in world units.
+    pub fn add(&mut self, attached: impl Iterator<Item = ([usize; 2], f64)>) {
+        self.attached.extend(attached);
+    }
+
+    /// Begins a tick whose rows are in order.
+    pub fn begin(&mut self, start: Starts<'_>) {
+        let Self { attached, blocks } = self;
+        blocks.clear();
+        blocks.extend(attached.chunks(WIDTH).map(|attached| {
+            let mut block = Block::EMPTY;
+            for (lane, &([particle, anchor], longest)) in attached.iter().enumerate() {
+                block.particles[lane] = start.row(particle);
+                block.anchors[lane] = start.row(anchor);
+                let offset = start.offset(anchor, particle);
+                set_lane(&mut block.start, lane, offset);
+                block.longest[lane] = longest as f32;
+                block.first[lane] = offset.length() as f32;
             }
-            let Some(block) = self.blocks.last_mut() else { return };
-            block.particles[lane] = row_of(particle);
-            block.anchors[lane] = row_of(anchor);
-            let offset = start[particle] - start[anchor];
-            set_lane(&mut block.start, lane, offset);
-            block.longest[lane] = longest as f32;
-            block.first[lane] = offset.length() as f32;
-        }
+            block
+        }));
     }
 
     /// Moves every particle that is too far away straight to the longest distance. One that began the tick too far away
@@ -93,10 +99,13 @@ impl Attachments {
 
 #[cfg(test)]
 mod tests {
-    use glam::Vec3;
+    use glam::{DVec3, Vec3};
 
     use super::*;
-    use crate::kernel::xpbd::{ParticleRows, Placed};
+    use crate::kernel::{
+        simd::parallel::Sequential,
+        xpbd::{ParticleRows, Placed},
+    };
 
     #[test]
     fn particles_come_back_to_their_longest_distance_from_an_anchor_that_moves() {
@@ -109,8 +118,9 @@ mod tests {
         let mut attachments = Attachments::default();
         let mut start = [DVec3::X; 12];
         start[11] = DVec3::ZERO;
-        attachments.add((0..11).map(|number| ([number, 11], 1.5)), &start);
-        rows.predict(1.0, Vec3::ZERO, 1.0);
+        attachments.add((0..11).map(|number| ([number, 11], 1.5)));
+        attachments.begin(rows.starts(&start));
+        rows.predict(&Sequential, 1.0, Vec3::ZERO, 1.0);
         attachments.solve(rows.moving(), 1.0);
         let mut held = 0;
         for number in 0..11 {
@@ -136,8 +146,9 @@ mod tests {
             rows.begin([particle, Placed { velocity: DVec3::ZERO, inverse_mass: 0.0, ..particle }].into_iter());
             let start = [DVec3::new(4.0, 1.0, 0.0), DVec3::new(1.0, 1.0, 0.0)];
             let mut attachments = Attachments::default();
-            attachments.add([([0, 1], 2.0)].into_iter(), &start);
-            rows.predict(1.0, Vec3::ZERO, 1.0);
+            attachments.add([([0, 1], 2.0)].into_iter());
+            attachments.begin(rows.starts(&start));
+            rows.predict(&Sequential, 1.0, Vec3::ZERO, 1.0);
             attachments.solve(rows.moving(), passed);
             let distance = (start[0] + rows.state(0)[0]).distance(start[1]);
             assert!((distance - expected).abs() < 1e-6, "{velocity} after {passed} s: {distance}");

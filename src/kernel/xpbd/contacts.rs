@@ -17,7 +17,7 @@ pub(super) use self::blocks::{FeatureBlock, PlaneBlock};
 use super::{
     acting::{ActingBlock, Common, Evaluation, SlidingBlock},
     coloring::{Block, Coloring, NONE, in_order, lanes_of},
-    rows::MovingRows,
+    rows::{MovingRows, Starts},
 };
 use crate::kernel::simd::lanes::WIDTH;
 
@@ -83,7 +83,7 @@ pub(super) trait ContactBlock<const N: usize>: Sized {
     fn particles(parts: &Self::Parts) -> [u32; N];
 
     /// The contacts with these numbers. Particles are at `start`.
-    fn new(numbers: &Block, contacts: &[Contact<Self::Parts>], start: &[DVec3]) -> Self;
+    fn new(numbers: &Block, contacts: &[Contact<Self::Parts>], start: Starts<'_>) -> Self;
 
     /// Evaluates the contacts where their particles are, when `share` of the tick has passed.
     fn begin<S: Simd>(&self, simd: S, common: &mut Common, rows: MovingRows<'_>, share: f32);
@@ -102,7 +102,7 @@ pub(super) trait ContactBlock<const N: usize>: Sized {
 /// Where particles are when contacts are taken over.
 pub struct At<'a> {
     /// Positions at the beginning of the tick.
-    pub start: &'a [DVec3],
+    pub start: Starts<'a>,
     /// Displacements since then.
     pub rows: MovingRows<'a>,
     /// Share of the tick that has passed.

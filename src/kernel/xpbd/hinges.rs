@@ -9,7 +9,7 @@ use glam::DVec3;
 
 use super::{
     coloring::{Rests, lanes_of},
-    rows::{MovingRows, NOBODY, Places, gather, place_in_lane, scatter_free},
+    rows::{MovingRows, NOBODY, Places, Starts, gather, place_in_lane, scatter_free},
 };
 use crate::kernel::simd::lanes::{VectorLanes, VectorRows, WIDTH};
 
@@ -64,7 +64,7 @@ impl Hinges {
     }
 
     /// Adds the hinges of a slab of a body whose particles begin with `first`, or those between slabs.
-    pub fn add(&mut self, (rests, slab): (&HingeRests, usize), first: usize, start: &[DVec3]) {
+    pub fn add(&mut self, (rests, slab): (&HingeRests, usize), first: usize, start: Starts<'_>) {
         self.blocks.extend(rests.part(slab).iter().map(|numbers| {
             let mut block = HingeBlock {
                 corners: [[NOBODY; WIDTH]; 4],

@@ -251,7 +251,10 @@ mod tests {
     use circumsphere_support::random::Random;
 
     use super::*;
-    use crate::kernel::xpbd::{MOST_LEVER, ParticleRows, Placed, coloring::NONE};
+    use crate::kernel::{
+        simd::parallel::Sequential,
+        xpbd::{MOST_LEVER, ParticleRows, Placed, coloring::NONE},
+    };
 
     const EVALUATION: Evaluation = Evaluation { step: 0.01, push_out: 1.0, share: 1.0, rate: 100.0 };
 
@@ -262,14 +265,16 @@ mod tests {
         contact(&mut found);
         rows.begin(placed.into_iter());
         let is_free = |particle: u32| placed[particle as usize].inverse_mass > 0.0;
-        contacts.extend(&mut found, is_free, &mut Coloring::default(), &At { start, rows: rows.moving(), share: 0.0 });
-        rows.predict(EVALUATION.step, glam::Vec3::ZERO, 1.0);
+        let moving = rows.moving();
+        let at = At { start: moving.starts(start), rows: moving, share: 0.0 };
+        contacts.extend(&mut found, is_free, &mut Coloring::default(), &at);
+        rows.predict(&Sequential, EVALUATION.step, glam::Vec3::ZERO, 1.0);
         contacts.begin_step(rows.moving(), EVALUATION);
         contacts.push_again(rows.moving());
         contacts.separate(rows.moving(), false);
         contacts.separate(rows.moving(), true);
         contacts.rub(rows.moving(), false);
-        rows.update_velocities(EVALUATION.step);
+        rows.update_velocities(&Sequential, EVALUATION.step);
         contacts.end_step(rows.moving());
         std::array::from_fn(|particle| rows.state(particle))
     }

@@ -33,7 +33,7 @@ pub use features::FeatureKind;
 pub use hinges::{HingeRests, Hinges, bend_at};
 pub use lists::{Contacts, FoundContacts};
 pub use rigid_bodies::{Deviation, OnBody, RigidBodies, RigidBody};
-pub use rows::{MovingRows, ParticleRows, Placed};
+pub use rows::{MovingRows, ParticleRows, Placed, Starts};
 pub use slabs::{Place, Slabs};
 pub use springs::{SpringRests, Springs};
 pub use tethers::{Tethered, Tethers};

@@ -11,7 +11,7 @@
 
 use glam::{DMat3, DQuat, DVec3};
 
-use super::rows::{MovingRows, row_of};
+use super::rows::{MovingRows, Starts};
 
 /// By how much something deviates from its path.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -161,12 +161,12 @@ impl RigidBodies {
     }
 
     /// Takes particles along.
-    pub fn carry(&mut self, particles: impl Iterator<Item = OnBody>) {
+    pub fn carry(&mut self, starts: Starts<'_>, particles: impl Iterator<Item = OnBody>) {
         let Self { bodies, carried, .. } = self;
         carried.extend(particles.map(|OnBody { particle, body, ends: [start, end] }| {
             let [first, last] = bodies[body as usize].body.center;
             let arm = start - first;
-            Carried { row: row_of(particle), body, arm: [arm, end - last - arm], way: end - start }
+            Carried { row: starts.row(particle), body, arm: [arm, end - last - arm], way: end - start }
         }));
     }
 

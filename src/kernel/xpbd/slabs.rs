@@ -3,7 +3,7 @@
 use glam::DVec3;
 
 /// The most slabs; a power of two, as all numbers of slabs.
-const MOST: usize = 8;
+pub(super) const MOST_SLABS: usize = 8;
 
 /// Points per slab. With fewer, too much lies between slabs.
 const LEAST: usize = 512;
@@ -22,7 +22,7 @@ impl Slabs {
     /// Splits space between these points, across the longest side of their bounds.
     pub fn split(&mut self, points: &[DVec3]) {
         let Self { of_points, count } = self;
-        *count = 1 << (points.len() / LEAST).clamp(1, MOST).ilog2();
+        *count = 1 << (points.len() / LEAST).clamp(1, MOST_SLABS).ilog2();
         of_points.clear();
         of_points.resize(points.len(), 0);
         if *count == 1 {
@@ -53,6 +53,22 @@ impl Slabs {
     #[must_use]
     pub const fn count(&self) -> usize {
         self.count
+    }
+
+    /// The slab of a point, or the first if it was not there when space was split.
+    #[must_use]
+    pub fn of(&self, point: u32) -> usize {
+        self.of_points.get(point as usize).map_or(0, |&slab| slab.into())
+    }
+
+    /// The points of each slab.
+    #[must_use]
+    pub fn parts(&self) -> Vec<Vec<u32>> {
+        let mut parts = vec![Vec::new(); self.count];
+        for (point, &slab) in (0..).zip(&self.of_points) {
+            parts[usize::from(slab)].push(point);
+        }
+        parts
     }
 
     /// The slab that all of these points are in, or else the number of slabs. Points that were not there when space was

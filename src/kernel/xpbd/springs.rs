@@ -1,11 +1,10 @@
 //! Stretch constraints: the distance of two particles.
 
 use fearless_simd::{f32x8, prelude::*};
-use glam::DVec3;
 
 use super::{
     coloring::{Rests, in_order, lanes_of},
-    rows::{MovingRows, NOBODY, Places, gather, row_of, scatter_free, set_lane},
+    rows::{MovingRows, NOBODY, Places, Starts, gather, scatter_free, set_lane},
 };
 use crate::kernel::simd::lanes::{VectorLanes, VectorRows, WIDTH};
 
@@ -40,7 +39,7 @@ impl Springs {
 
     /// Adds the springs of a slab of a body whose particles begin with `first`, or those between slabs. `scale` is the
     /// world length of a unit of the rest lengths.
-    pub fn add(&mut self, (rests, slab): (&SpringRests, usize), first: usize, scale: f64, start: &[DVec3]) {
+    pub fn add(&mut self, (rests, slab): (&SpringRests, usize), first: usize, scale: f64, start: Starts<'_>) {
         self.blocks.extend(rests.part(slab).iter().map(|numbers| {
             let mut block = SpringBlock {
                 ends: [[NOBODY; WIDTH]; 2],
@@ -50,8 +49,8 @@ impl Springs {
             };
             for (lane, spring) in lanes_of(numbers) {
                 let [a, b] = rests.particles[spring].map(|end| first + end as usize);
-                (block.ends[0][lane], block.ends[1][lane]) = (row_of(a), row_of(b));
-                set_lane(&mut block.start, lane, start[a] - start[b]);
+                (block.ends[0][lane], block.ends[1][lane]) = (start.row(a), start.row(b));
+                set_lane(&mut block.start, lane, start.offset(b, a));
                 block.length[lane] = (rests.values[spring] * scale) as f32;
             }
             block
@@ -138,8 +137,13 @@ impl SpringBlock {
 
 #[cfg(test)]
 mod tests {
+    use glam::DVec3;
+
     use super::*;
-    use crate::kernel::xpbd::{ParticleRows, Placed, slabs::Slabs};
+    use crate::kernel::{
+        simd::parallel::Sequential,
+        xpbd::{ParticleRows, Placed, slabs::Slabs},
+    };
 
     #[test]
     fn a_spring_makes_up_for_its_step_at_once_and_for_what_was_before_at_a_pace() {
@@ -149,13 +153,13 @@ mod tests {
             let placed =
                 |speed: f64, inverse_mass| Placed { way: DVec3::ZERO, velocity: DVec3::X * speed, inverse_mass };
             particles.begin([placed(0.0, 1.0), placed(added / step, 3.0)].into_iter());
-            particles.predict(step as f32, glam::Vec3::ZERO, 1.0);
+            particles.predict(&Sequential, step as f32, glam::Vec3::ZERO, 1.0);
             let start = [DVec3::ZERO, DVec3::X * before];
             let mut springs = Springs::default();
             let mut slabs = Slabs::default();
             slabs.split(&start);
             let rests = SpringRests::new(2, &slabs, [([0, 1], length)].into_iter());
-            springs.add((&rests, 0), 0, 1.0, &start);
+            springs.add((&rests, 0), 0, 1.0, particles.starts(&start));
             // Only one way: on the way back, nothing is missing, or the pace has been used up.
             springs.solve(particles.moving(), 0.0, step as f32, false);
             let [a, b] = [0, 1].map(|particle| start[particle] + particles.state(particle)[0]);

@@ -1,8 +1,13 @@
 //! Tethers: keep a particle within a distance of a place that moves, and in front of a plane through it.
 
+use arrayvec::ArrayVec;
 use glam::{DVec3, Vec3};
 
-use super::rows::{ParticleRows, row_of};
+use super::{
+    rows::{MovingRows, NOBODY, Rows, Starts},
+    slabs::MOST_SLABS,
+};
+use crate::kernel::simd::parallel::{Team, share};
 
 /// A tether in a tick. Vectors are in world units.
 #[derive(Clone, Copy, Debug)]
@@ -23,6 +28,8 @@ pub struct Tethered {
 /// The same in f32, and relative to where the particle begins.
 #[derive(Clone, Copy, Debug)]
 struct Tether {
+    particle: u32,
+    /// Known once the rows of a tick are in order.
     row: u32,
     target: Vec3,
     way: Vec3,
@@ -34,7 +41,10 @@ struct Tether {
 /// The tethers of all bodies in a tick.
 #[derive(Debug, Default)]
 pub struct Tethers {
+    /// Ordered by rows.
     tethers: Vec<Tether>,
+    /// The end of the tethers of each slab.
+    ends: ArrayVec<usize, MOST_SLABS>,
 }
 
 impl Tethers {
@@ -46,7 +56,8 @@ impl Tethers {
     pub fn push(&mut self, tethered: &Tethered, start: DVec3) {
         let &Tethered { particle, places: [from, to], normals, longest, backstop } = tethered;
         self.tethers.push(Tether {
-            row: row_of(particle as usize),
+            particle,
+            row: NOBODY,
             target: (from - start).as_vec3(),
             way: (to - from).as_vec3(),
             normals: normals.map(DVec3::as_vec3),
@@ -55,26 +66,48 @@ impl Tethers {
         });
     }
 
+    /// Begins a tick whose rows are in order.
+    pub fn begin(&mut self, start: Starts<'_>) {
+        let Self { tethers, ends } = self;
+        tethers.iter_mut().for_each(|tether| tether.row = start.row(tether.particle as usize));
+        // Those of one particle stay in their order.
+        tethers.sort_by_key(|tether| tether.row);
+        ends.clear();
+        ends.extend(start.ends().iter().map(|&end| tethers.partition_point(|tether| tether.row < end as u32)));
+    }
+
     /// Moves every tethered particle to the nearest place that its tether allows: in front of the plane, and then within
-    /// the longest distance. `share` is the share of the tick that has passed.
-    pub fn solve(&self, particles: &mut ParticleRows, share: f32) {
-        for &Tether { row, target, way, normals: [first, last], longest, backstop } in &self.tethers {
-            let row = &mut particles.displacement[row as usize];
-            if row.0[3] <= 0.0 {
-                continue;
-            }
-            let target = target + way * share;
-            let mut offset = row.vector() - target;
-            let before = offset;
-            let normal = first.lerp(last, share).normalize_or_zero();
-            let behind = -normal.dot(offset) - backstop;
-            if behind > 0.0 && normal != Vec3::ZERO {
-                offset += normal * behind;
-            }
-            offset = offset.clamp_length_max(longest);
-            if offset != before {
-                row.set(target + offset);
-            }
+    /// the longest distance. `passed` is the share of the tick that has passed.
+    pub fn solve(&self, team: &dyn Team, rows: MovingRows<'_>, passed: f32) {
+        let mut first = 0;
+        let slabs = self.ends.iter().map(|&end| {
+            let own = first..end;
+            first = end;
+            &self.tethers[own]
+        });
+        let mut slabs: ArrayVec<&[Tether], MOST_SLABS> = slabs.collect();
+        share(team, &mut slabs, |tethers| tethers.iter().for_each(|tether| tether.solve(rows, passed)));
+    }
+}
+
+impl Tether {
+    fn solve(&self, rows: MovingRows<'_>, passed: f32) {
+        let &Self { row, target, way, normals: [first, last], longest, backstop, .. } = self;
+        let now = rows.displacement.row(row);
+        if now.0[3] <= 0.0 {
+            return;
+        }
+        let target = target + way * passed;
+        let mut offset = now.vector() - target;
+        let before = offset;
+        let normal = first.lerp(last, passed).normalize_or_zero();
+        let behind = -normal.dot(offset) - backstop;
+        if behind > 0.0 && normal != Vec3::ZERO {
+            offset += normal * behind;
+        }
+        offset = offset.clamp_length_max(longest);
+        if offset != before {
+            rows.displacement.replace(row, target + offset);
         }
     }
 }
@@ -82,17 +115,21 @@ impl Tethers {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::kernel::xpbd::Placed;
+    use crate::kernel::{
+        simd::parallel::Sequential,
+        xpbd::{ParticleRows, Placed},
+    };
 
     /// Where a particle is after its tether has been solved at the end of the tick.
     fn held(displacement: DVec3, tethered: Tethered) -> DVec3 {
         let mut rows = ParticleRows::default();
         let placed = Placed { way: DVec3::ZERO, velocity: displacement, inverse_mass: 2.0 };
         rows.begin([placed].into_iter());
-        rows.predict(1.0, Vec3::ZERO, 1.0);
+        rows.predict(&Sequential, 1.0, Vec3::ZERO, 1.0);
         let mut tethers = Tethers::default();
         tethers.push(&tethered, DVec3::ZERO);
-        tethers.solve(&mut rows, 1.0);
+        tethers.begin(rows.starts(&[]));
+        tethers.solve(&Sequential, rows.moving(), 1.0);
         rows.state(0)[0]
     }
 

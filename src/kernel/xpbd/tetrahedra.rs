@@ -27,7 +27,7 @@ use glam::{DMat3, DVec3};
 use self::deformation::{Columns, Deformation, by_corners};
 use super::{
     coloring::{Rests, in_order, lanes_of},
-    rows::{Gathered, MovingRows, NOBODY, Places, gather, place_in_lane, scatter_free, set_lane},
+    rows::{Gathered, MovingRows, NOBODY, Places, Starts, gather, place_in_lane, scatter_free, set_lane},
 };
 use crate::kernel::simd::lanes::{VectorLanes, VectorRows, WIDTH};
 
@@ -148,7 +148,7 @@ impl Tetrahedra {
 
     /// Adds the tetrahedra of a slab of a body whose particles begin with `first`, or those between slabs. `scale` is
     /// the world length of a unit at rest.
-    pub fn add(&mut self, (rests, slab): (&TetrahedronRests, usize), first: usize, scale: f64, start: &[DVec3]) {
+    pub fn add(&mut self, (rests, slab): (&TetrahedronRests, usize), first: usize, scale: f64, start: Starts<'_>) {
         let Self { blocks, count, tangled, .. } = self;
         blocks.extend(rests.part(slab).iter().map(|numbers| {
             let mut block = TetrahedronBlock {
@@ -168,7 +168,7 @@ impl Tetrahedra {
                 for edge in 0..3 {
                     set_lane(&mut block.inverse[edge], lane, rest.inverse.row(edge) / scale);
                 }
-                let [a, b, c] = [1, 2, 3].map(|corner| start[places[corner]] - start[places[0]]);
+                let [a, b, c] = [1, 2, 3].map(|corner| start.offset(places[0], places[corner]));
                 let density = rest.density / scale.powi(3);
                 *count += 1;
                 *tangled += usize::from(DMat3::from_cols(a, b, c).determinant() * density <= TANGLED);
@@ -356,7 +356,9 @@ mod tests {
         slabs.split(corners);
         let rests = TetrahedronRests::new(4, &slabs, [([0, 1, 2, 3], TetrahedronRest::new(&REST))].into_iter());
         let mut tetrahedra = Tetrahedra::default();
-        tetrahedra.add((&rests, 0), 0, 1.0, corners);
+        let mut rows = ParticleRows::default();
+        rows.begin([Placed { way: DVec3::ZERO, velocity: DVec3::ZERO, inverse_mass: 1.0 }; 4].into_iter());
+        tetrahedra.add((&rests, 0), 0, 1.0, rows.starts(corners));
         tetrahedra
     }
 

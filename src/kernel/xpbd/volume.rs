@@ -7,7 +7,7 @@ use glam::{DVec3, Vec3};
 
 use super::{
     coloring::{Block, Coloring, lanes_of},
-    rows::{Gathered, NOBODY, ParticleRows, Places, Row, gather, row_of, scatter, set_lane},
+    rows::{Gathered, NOBODY, ParticleRows, Places, Row, Starts, gather, scatter, set_lane},
 };
 use crate::kernel::{
     mesh::volume::enclosed_volume,
@@ -77,15 +77,15 @@ impl Volumes {
 
     /// Adds the volume of a body with `count` particles from `first` on, and returns its place. `scale` is the world
     /// length of a unit of the body at rest.
-    pub fn add(&mut self, rest: &VolumeRest, (first, count): (usize, usize), scale: f64, start: &[DVec3]) -> usize {
+    pub fn add(&mut self, rest: &VolumeRest, (first, count): (usize, usize), scale: f64, start: Starts<'_>) -> usize {
         let before = self.blocks.len();
         self.blocks.extend(rest.blocks.iter().map(|numbers| {
             let mut block = TriangleBlock { corners: [[NOBODY; WIDTH]; 3], start: [VectorRows::ZERO; 3] };
             for (lane, triangle) in lanes_of(numbers) {
                 for (corner, vertex) in rest.triangles[triangle].into_iter().enumerate() {
                     let particle = first + vertex as usize;
-                    block.corners[corner][lane] = row_of(particle);
-                    set_lane(&mut block.start[corner], lane, start[particle] - start[first]);
+                    block.corners[corner][lane] = start.row(particle);
+                    set_lane(&mut block.start[corner], lane, start.offset(first, particle));
                 }
             }
             block
@@ -105,21 +105,24 @@ impl Volumes {
     pub fn solve(&mut self, place: usize, particles: &mut ParticleRows, compliance: f64) {
         let Self { bodies, blocks, gradients } = self;
         let Volume { blocks: range, particles: (first, count), wanted, multiplier } = &mut bodies[place];
-        let own = row_of(*first) as usize..row_of(*first + *count) as usize;
+        let ParticleRows { displacement, rows, .. } = particles;
+        let own = &rows[*first..*first + *count];
         // All others stay 0: those of other bodies are not read, and that of no particle gets nothing.
-        gradients.resize(gradients.len().max(own.end), Row::default());
-        gradients[own.clone()].fill(Row::default());
+        gradients.resize(gradients.len().max(displacement.len()), Row::default());
+        own.iter().for_each(|&row| gradients[row as usize] = Row::default());
         let blocks = &blocks[range.clone()];
-        let six_times = dispatch!(simd => add_gradients(simd, blocks, &particles.displacement, *first, gradients));
-        let weights = particles.displacement[own.clone()].iter().zip(&gradients[own.clone()]);
+        let origin = displacement[own[0] as usize].vector();
+        let six_times = dispatch!(simd => add_gradients(simd, blocks, displacement, origin, gradients));
+        let squared = |row: usize| gradients[row].vector().as_dvec3().length_squared();
         let weight: f64 =
-            weights.map(|(row, gradient)| f64::from(row.0[3]) * gradient.vector().as_dvec3().length_squared()).sum();
+            own.iter().map(|&row| f64::from(displacement[row as usize].0[3]) * squared(row as usize)).sum();
         if weight.is_nan() || weight + compliance <= f64::MIN_POSITIVE {
             return;
         }
         let change = (*wanted - six_times / 6.0 - compliance * *multiplier) / (weight + compliance);
         *multiplier += change;
-        for (row, gradient) in particles.displacement[own.clone()].iter_mut().zip(&gradients[own]) {
+        for &row in own {
+            let (row, gradient) = (&mut displacement[row as usize], gradients[row as usize]);
             row.set(row.vector() + gradient.vector() * (f64::from(row.0[3]) * change) as f32);
         }
     }
@@ -131,10 +134,10 @@ fn add_gradients<S: Simd>(
     simd: S,
     blocks: &[TriangleBlock],
     displacement: &[Row],
-    first: usize,
+    origin: Vec3,
     gradients: &mut [Row],
 ) -> f64 {
-    let origin = VectorLanes::splat(simd, displacement[row_of(first) as usize].vector());
+    let origin = VectorLanes::splat(simd, origin);
     let sixth = f32x8::splat(simd, 1.0 / 6.0);
     let mut six_times = f64x8::splat(simd, 0.0);
     for block in blocks {
@@ -179,7 +182,7 @@ mod tests {
         let still = Placed { way: DVec3::ZERO, velocity: DVec3::ZERO, inverse_mass: 1.0 };
         particles.begin(corners.iter().map(|_| still));
         let mut volumes = Volumes::default();
-        let place = volumes.add(&rest, (0, 8), 1.0, &squeezed);
+        let place = volumes.add(&rest, (0, 8), 1.0, particles.starts(&squeezed));
         (0..3).for_each(|_| volumes.solve(place, &mut particles, 0.0));
         let after: Vec<DVec3> = (0..8).map(|k| squeezed[k] + particles.state(k)[0]).collect();
         let volume = VolumeRest::new(&after, &triangles).expect("it is wound outwards").volume();

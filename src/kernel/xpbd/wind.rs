@@ -5,11 +5,11 @@
 //! Cloth and Hair in Disney's Frozen").
 
 use fearless_simd::{f32x8, prelude::*};
-use glam::{DVec3, Vec3};
+use glam::Vec3;
 
 use super::{
     coloring::{Rests, lanes_of},
-    rows::{MovingRows, NOBODY, Places, gather, place_in_lane, scatter_free},
+    rows::{MovingRows, NOBODY, Places, Starts, gather, place_in_lane, scatter_free},
 };
 use crate::kernel::simd::lanes::{VectorLanes, VectorRows, WIDTH};
 
@@ -51,7 +51,7 @@ impl Sails {
 
     /// Adds the triangles of a slab of a body whose particles begin with `first`, or those between slabs. `scale` is the world
     /// length of a unit in the body's own frame.
-    pub fn add(&mut self, (rests, slab): (&SailRests, usize), first: usize, scale: f64, start: &[DVec3]) {
+    pub fn add(&mut self, (rests, slab): (&SailRests, usize), first: usize, scale: f64, start: Starts<'_>) {
         self.blocks.extend(rests.part(slab).iter().map(|numbers| {
             let (corners, edges) = ([[NOBODY; WIDTH]; 3], [VectorRows::ZERO; 2]);
             let mut block = SailBlock { corners, edges, most: [0.0; WIDTH] };
@@ -118,6 +118,8 @@ impl SailBlock {
 
 #[cfg(test)]
 mod tests {
+    use glam::DVec3;
+
     use super::*;
     use crate::kernel::xpbd::{ParticleRows, Placed, Slabs};
 
@@ -129,7 +131,7 @@ mod tests {
         rows.begin([still; 3].into_iter());
         let rests = SailRests::new(3, &Slabs::default(), [([0, 1, 2], 2.0)].into_iter());
         let mut sails = Sails::default();
-        sails.add((&rests, rests.slabs()), 0, 1.0, &start);
+        sails.add((&rests, rests.slabs()), 0, 1.0, rows.starts(&start));
         sails.blow(rows.moving(), Air { velocity, density: 1.2, coefficients }, step);
         let changes = [0, 1, 2].map(|particle| rows.state(particle)[1]);
         assert!(changes.iter().all(|change| *change == changes[0]));

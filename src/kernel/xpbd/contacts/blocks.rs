@@ -1,7 +1,6 @@
 //! Blocks of eight contacts: between features, which are evaluated in every substep, and with fixed planes.
 
 use fearless_simd::{f32x8, prelude::*};
-use glam::DVec3;
 
 use super::{Contact, ContactBlock, FeatureParticles, Plane};
 use crate::kernel::{
@@ -13,7 +12,7 @@ use crate::kernel::{
         },
         coloring::{Block, NONE, lanes_of},
         features::{FeatureKind, Meeting, edge_edge, vertex_face},
-        rows::{MovingRows, NOBODY, Places, row_of, set_lane},
+        rows::{MovingRows, NOBODY, Places, Starts, set_lane},
     },
 };
 
@@ -74,17 +73,17 @@ impl<const ARE_EDGES: bool, const N: usize> ContactBlock<N> for FeatureBlock<ARE
         Self::free(parts)
     }
 
-    fn new(numbers: &Block, contacts: &[Contact<FeatureParticles>], start: &[DVec3]) -> Self {
+    fn new(numbers: &Block, contacts: &[Contact<FeatureParticles>], start: Starts<'_>) -> Self {
         let mut block = Self { places: [[NOBODY; WIDTH]; 4], start: [VectorRows::ZERO; 3] };
         for (lane, number) in lanes_of(numbers) {
             let contact = &contacts[number];
             let particles = contact.parts.map(|particle| particle as usize);
             for (places, particle) in block.places.iter_mut().zip(particles) {
-                places[lane] = row_of(particle);
+                places[lane] = start.row(particle);
             }
-            let base = start[particles[Self::KIND.base()]];
+            let base = particles[Self::KIND.base()];
             for (rows, other) in block.start.iter_mut().zip(Self::KIND.others()) {
-                set_lane(rows, lane, start[particles[other]] - base);
+                set_lane(rows, lane, start.offset(base, particles[other]));
             }
         }
         block
@@ -150,7 +149,7 @@ impl<const N: usize> ContactBlock<N> for PlaneBlock<N> {
         parts.particles
     }
 
-    fn new(numbers: &Block, contacts: &[Contact<Plane<N>>], _: &[DVec3]) -> Self {
+    fn new(numbers: &Block, contacts: &[Contact<Plane<N>>], start: Starts<'_>) -> Self {
         let mut block = Self {
             places: [[NOBODY; WIDTH]; N],
             weights: [[0.0; WIDTH]; N],
@@ -160,7 +159,7 @@ impl<const N: usize> ContactBlock<N> for PlaneBlock<N> {
         for (lane, number) in lanes_of(numbers) {
             let contact = &contacts[number];
             for place in (0..N).filter(|&place| contact.parts.particles[place] != NONE) {
-                block.places[place][lane] = row_of(contact.parts.particles[place] as usize);
+                block.places[place][lane] = start.row(contact.parts.particles[place] as usize);
                 block.weights[place][lane] = contact.parts.weights[place] as f32;
             }
             set_lane(&mut block.drive, lane, contact.parts.drive);
