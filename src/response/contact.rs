@@ -200,10 +200,10 @@ impl SolverContacts {
         let is_free = |particle: u32| particles.is_free(particle) || particles.is_on_body(particle);
         match &constraint.parts {
             Features::VertexFace(parts) => {
-                found.push_features(FeatureKind::VertexFace, constraint.between(*parts), is_free);
+                found.push_features((FeatureKind::VertexFace, parts), constraint, is_free);
             }
             Features::EdgeEdge(parts) => {
-                found.push_features(FeatureKind::EdgeEdge, constraint.between(*parts), is_free);
+                found.push_features((FeatureKind::EdgeEdge, parts), constraint, is_free);
             }
             &Features::Plane { particles: ref entries, offset } => {
                 let mut parts =

@@ -91,6 +91,16 @@ impl<'a> Side<'a> {
             Self::Shape { .. } => None,
         }
     }
+
+    /// The particles of a triangle's corners; [`NONE`] if it belongs to no body.
+    fn particles(self, triangle: u32) -> [u32; 3] {
+        match self {
+            Self::Body { first, topology } => {
+                topology.welded_triangles()[triangle as usize].map(|vertex| first as u32 + vertex)
+            }
+            Self::Driven { .. } | Self::Shape { .. } => [NONE; 3],
+        }
+    }
 }
 
 impl Gatherer {
@@ -192,7 +202,9 @@ impl Gatherer {
                 if may_act {
                     self.add_contact(solver, scene, pair, sides, record, friction);
                 } else {
-                    self.unwatched.push(Unwatched { pair: pair_place, place });
+                    let particles = [(sides[0], record.triangle_a), (sides[1], record.triangle_b)];
+                    let particles = particles.map(|(side, triangle)| side.particles(triangle));
+                    self.unwatched.push(Unwatched { pair: pair_place, place, particles });
                 }
             }
             self.may_act = may_act;
@@ -347,9 +359,7 @@ impl Gatherer {
         triangle: u32,
     ) -> Option<[u32; 3]> {
         match side {
-            Side::Body { first, topology } => {
-                Some(topology.welded_triangles()[triangle as usize].map(|vertex| *first as u32 + vertex))
-            }
+            Side::Body { .. } => Some(side.particles(triangle)),
             Side::Driven { entity, topology } => {
                 let body = self.rigid_body(*entity);
                 let slots = self.slots(*entity, topology.vertex_count());

@@ -9,7 +9,7 @@
 //! positions, such modes gain energy in every substep, which shows as trembling that never decays. With symmetric
 //! sweeps every mode decays.
 
-use std::sync::Arc;
+use std::{mem, sync::Arc};
 
 use glam::{DVec3, Vec3};
 
@@ -53,8 +53,10 @@ pub(super) struct SolverBody {
 struct Part {
     /// The number of the body.
     body: usize,
-    /// The slab of this tick that it is in, or most of it.
+    /// The slab of the body at rest, or the number of these.
     slab: usize,
+    /// The slab of this tick that it is in, or most of it.
+    place: usize,
     springs: Springs,
     hinges: Hinges,
     tetrahedra: Tetrahedra,
@@ -64,9 +66,9 @@ struct Part {
 }
 
 impl Part {
-    fn begin(&mut self, (number, body): (usize, &SolverBody), slab: usize, start: Starts<'_>) {
-        let Self { body: of, slab: own_slab, springs, hinges, tetrahedra, sails, .. } = self;
-        (*of, *own_slab) = (number, slab);
+    fn begin(&mut self, bodies: &[SolverBody], start: Starts<'_>) {
+        let &mut Self { body, slab, ref mut springs, ref mut hinges, ref mut tetrahedra, ref mut sails, .. } = self;
+        let body = &bodies[body];
         sails.clear();
         springs.clear();
         hinges.clear();
@@ -151,29 +153,37 @@ struct Inners {
 }
 
 impl Inners {
-    fn begin(&mut self, bodies: &[SolverBody], space: &Slabs, start: Starts<'_>) {
-        let Self { slabs, between, volumes, of_bodies, has_tetrahedra } = self;
-        volumes.clear();
-        of_bodies.clear();
-        slabs.resize_with(bodies.iter().map(|body| body.rest.springs.slabs()).sum(), Part::default);
+    /// Orders parts by the slabs of a tick: what is in the same one is solved by the same thread as the contacts there.
+    fn arrange(&mut self, bodies: &[SolverBody], space: &Slabs) {
+        let Self { slabs, between, .. } = self;
+        slabs.resize_with(bodies.iter().map(|body| body.rest.parts.len()).sum(), Part::default);
         between.resize_with(bodies.len(), Part::default);
         let mut parts = slabs.iter_mut();
-        for (body, between) in bodies.iter().enumerate().zip(&mut *between) {
-            let count = body.1.rest.springs.slabs();
-            parts.by_ref().take(count).enumerate().for_each(|(slab, part)| part.begin(body, slab, start));
-            between.begin(body, count, start);
-            let &SolverBody { first, scale, ref rest, ref material, ref topology, .. } = body.1;
-            let volume = rest.volume.as_ref().filter(|_| material.volume_compliance.is_finite());
-            let own = (first, topology.vertex_count());
-            of_bodies.push(volume.map(|volume| volumes.add(volume, own, scale, start)));
+        for (number, (body, between)) in bodies.iter().zip(between).enumerate() {
+            for (slab, vertices) in body.rest.parts.iter().enumerate() {
+                let Some(part) = parts.next() else { return };
+                let middle = vertices.get(vertices.len() / 2);
+                (part.body, part.slab) = (number, slab);
+                part.place = middle.map_or(0, |&vertex| space.of(body.first as u32 + vertex));
+            }
+            (between.body, between.slab) = (number, body.rest.parts.len());
         }
-        // What is in the same slab is solved by the same thread as the contacts there.
-        for part in &mut *slabs {
-            let SolverBody { first, rest, .. } = &bodies[part.body];
-            let own = &rest.parts[part.slab];
-            part.slab = own.get(own.len() / 2).map_or(0, |&vertex| space.of(*first as u32 + vertex));
-        }
-        slabs.sort_by_key(|part| part.slab);
+        slabs.sort_by_key(|part| part.place);
+    }
+
+    /// Begins a tick whose parts are in order.
+    fn begin(&mut self, team: &dyn Team, bodies: &[SolverBody], start: Starts<'_>) {
+        let Self { slabs, between, volumes, of_bodies, has_tetrahedra } = self;
+        share(team, slabs, |part| part.begin(bodies, start));
+        between.iter_mut().for_each(|part| part.begin(bodies, start));
+        volumes.clear();
+        of_bodies.clear();
+        of_bodies.extend(bodies.iter().map(
+            |&SolverBody { first, scale, ref rest, ref material, ref topology, .. }| {
+                let volume = rest.volume.as_ref().filter(|_| material.volume_compliance.is_finite());
+                volume.map(|volume| volumes.add(volume, (first, topology.vertex_count()), scale, start))
+            },
+        ));
         *has_tetrahedra = slabs.iter().chain(&*between).any(|part| !part.tetrahedra.is_empty());
     }
 
@@ -267,6 +277,8 @@ pub(super) struct Solver {
     inners: Inners,
     /// Velocities at the beginning of the tick.
     first_velocities: Vec<DVec3>,
+    /// Whether the tick has not been solved yet.
+    is_new: bool,
 }
 
 /// Adds contacts before a substep, which is given, counted from 1. Returns whether there are any.
@@ -297,7 +309,7 @@ impl Solver {
         if tethered.longest <= 0.0 {
             self.particles.drive(particle, tethered.places[1]);
         } else {
-            self.tethers.push(tethered, self.particles.start[particle]);
+            self.tethers.push(*tethered);
         }
     }
 
@@ -308,16 +320,18 @@ impl Solver {
 
     /// Begins a tick, which may be solved more than once.
     pub(super) fn begin(&mut self) {
-        let Self { particles, bodies, contacts, rows, inners, tethers, attachments, first_velocities, .. } = self;
+        let Self { particles, bodies, contacts, rows, inners, tethers, attachments, first_velocities, is_new, .. } =
+            self;
         first_velocities.clone_from(&particles.velocity);
         let parts = bodies
             .iter()
             .flat_map(|body| body.rest.parts.iter().map(|part| part.iter().map(|&vertex| body.first as u32 + vertex)));
         rows.arrange(contacts.slabs(), particles.len(), parts);
+        inners.arrange(bodies, contacts.slabs());
         let start = rows.starts(&particles.start);
-        inners.begin(bodies, contacts.slabs(), start);
         tethers.begin(start);
         attachments.begin(start);
+        *is_new = true;
     }
 
     /// Resets the tick to its beginning. Particles added since then start now.
@@ -353,6 +367,9 @@ impl Solver {
     ) -> Solved {
         let step = duration / f64::from(settings.substeps);
         let mut solved = Solved::default();
+        if mem::take(&mut self.is_new) {
+            self.inners.begin(team, &self.bodies, self.rows.starts(&self.particles.start));
+        }
         self.particles.begin(&mut self.rows);
         self.rigid_bodies.begin();
         self.particles.carry(0, &self.rows, &mut self.rigid_bodies);

@@ -11,7 +11,7 @@ use glam::DVec3;
 use super::{
     pair_list::{MovingSide, PairImpact, feature_impacts, first_impacts, impacts_with_solid},
     stars::PlainStars,
-    sweep_tree::{SweepTree, moved_along, outward_box, rounded_up},
+    sweep_tree::{SweepTree, outward_box, rounded_up},
     triangle_pair::MovingTriangle,
 };
 use crate::kernel::{
@@ -79,9 +79,11 @@ impl SweptMesh<'_> {
 pub fn drift(start: &[DVec3], end: &[DVec3]) -> DVec3 {
     let motions = || start.iter().zip(end).map(|(start, end)| *end - *start);
     let mean = motions().sum::<DVec3>() / start.len().min(end.len()) as f64;
-    let way = |drift: DVec3| motions().map(|motion| (motion - drift).abs().element_sum()).sum::<f64>();
+    let ways = motions()
+        .fold([DVec3::ZERO; 2], |[with, without], motion| [with + motion.abs(), without + (motion - mean).abs()]);
+    let [with, without] = ways.map(DVec3::element_sum);
     // Written so that NaN becomes zero.
-    if way(mean) < way(DVec3::ZERO) { mean } else { DVec3::ZERO }
+    if without < with { mean } else { DVec3::ZERO }
 }
 
 /// Which impacts a sweep lists.
@@ -172,7 +174,7 @@ impl Sweep<'_> {
     /// the separation.
     fn grown_box(&self, triangle: u32, way: &Aabb) -> Aabb {
         let [own, _] = self.sides();
-        moved_along(&own.boxes()[triangle as usize], way).grown(rounded_up(self.separation))
+        own.boxes()[triangle as usize].moved_along(way, rounded_up(self.separation))
     }
 
     /// Finds the triangles of one side that may meet the other side, in tasks that `parallel` may distribute.
@@ -310,11 +312,16 @@ impl Sweep<'_> {
         if clear <= 0.0 {
             return true;
         }
-        let motions = [mesh_a.triangle(a).motions(), mesh_b.triangle(b).motions()];
-        let common = motions.as_flattened().iter().sum::<DVec3>() / 6.0;
-        let [way_a, way_b] = motions
-            .map(|motions| motions.iter().map(|motion| (*motion - common).length_squared()).fold(0.0, f64::max).sqrt());
-        way_a + way_b >= clear
+        let [motions_a, motions_b] = [mesh_a.triangle(a).motions(), mesh_b.triangle(b).motions()];
+        let sum = |[a, b, c]: [DVec3; 3]| a + b + c;
+        let common = (sum(motions_a) + sum(motions_b)) * (1.0 / 6.0);
+        let squared = |[a, b, c]: [DVec3; 3]| {
+            let squared = |motion: DVec3| (motion - common).length_squared();
+            squared(a).max(squared(b)).max(squared(c))
+        };
+        // (√a + √b)² = a + b + 2 √(a b)
+        let (a, b) = (squared(motions_a), squared(motions_b));
+        a + b + 2.0 * (a * b).sqrt() >= clear * clear
     }
 }
 

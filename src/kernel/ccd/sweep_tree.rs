@@ -79,9 +79,12 @@ struct SweptVertex {
 
 impl SweptVertex {
     fn new(start: DVec3, end: DVec3) -> Self {
-        let bounds = outward_box([start, end]);
+        // Farther than rounding to f32 and this sum may be off.
+        let away = |at: Vec3A| at.abs() * (2.0 * f32::EPSILON) + f32::MIN_POSITIVE;
+        let narrowed = |at: DVec3| at.as_vec3a().clamp(Vec3A::splat(-f32::MAX), Vec3A::splat(f32::MAX));
+        let (low, high) = (narrowed(start.min(end)), narrowed(start.max(end)));
         let squared = if start.is_finite() && end.is_finite() { (end - start).length_squared() } else { f64::NAN };
-        Self { low: bounds.min.into(), high: bounds.max.into(), squared }
+        Self { low: low - away(low), high: high + away(high), squared }
     }
 }
 
@@ -230,7 +233,7 @@ impl SweepTree {
     /// A box around everything that the mesh sweeps, in the frame of its positions.
     #[must_use]
     pub fn bounds_at_rest(&self) -> Aabb {
-        moved_along(&self.bounds, &outward_box([DVec3::ZERO, -self.drift]))
+        self.bounds.moved_along(&outward_box([DVec3::ZERO, -self.drift]), 0.0)
     }
 
     /// The box that each triangle sweeps, in the frame that moves with the drift.
@@ -300,18 +303,6 @@ impl SweepTree {
     pub(super) fn asked_bounds(&self) -> &Aabb {
         &self.asked_bounds
     }
-}
-
-/// What a box sweeps that begins or ends farther on by anything in `way`: a box in a frame that moves by as much relative to
-/// the one in which it was computed.
-pub(super) fn moved_along(bounds: &Aabb, way: &Aabb) -> Aabb {
-    if bounds.min.cmpgt(bounds.max).any() {
-        return Aabb::EMPTY;
-    }
-    let (low, high) = (Vec3A::from(bounds.min) + Vec3A::from(way.min), Vec3A::from(bounds.max) + Vec3A::from(way.max));
-    // More than the rounding of a sum.
-    let rounding = |sum: Vec3A| sum.abs() * f32::EPSILON;
-    Aabb { min: (low - rounding(low)).into(), max: (high + rounding(high)).into() }
 }
 
 /// The smallest f32 box around some finite points.

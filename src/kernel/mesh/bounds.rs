@@ -67,6 +67,21 @@ impl Aabb {
         Self { min: min.into(), max: max.into() }
     }
 
+    /// What the box sweeps that begins or ends farther on by anything in `way`: the box in a frame that moves by as much
+    /// relative to the one in which it was computed. Then grown by `distance`, with an allowance for rounding.
+    #[inline]
+    pub(in crate::kernel) fn moved_along(&self, way: &Self, distance: f32) -> Self {
+        let (min, max) = (Vec3A::from(self.min), Vec3A::from(self.max));
+        if min.cmpgt(max).any() {
+            return Self::EMPTY;
+        }
+        let (min, max) = (min + Vec3A::from(way.min), max + Vec3A::from(way.max));
+        // More than the rounding of a sum.
+        let rounding = |sum: Vec3A| sum.abs() * f32::EPSILON;
+        let (min, max) = grown(min - rounding(min), max + rounding(max), distance);
+        Self { min: min.into(), max: max.into() }
+    }
+
     /// Sum of the products of two side lengths: half the surface area.
     #[must_use]
     pub fn half_area(&self) -> f32 {

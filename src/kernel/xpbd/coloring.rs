@@ -63,12 +63,6 @@ impl<const N: usize, V> Rests<N, V> {
         let first = if part > 0 { self.ends[part - 1] } else { 0 };
         &self.blocks[first..self.ends[part]]
     }
-
-    /// The number of slabs.
-    #[must_use]
-    pub fn slabs(&self) -> usize {
-        self.ends.len().saturating_sub(1)
-    }
 }
 
 /// The colors given out at a time. Constraints that get none of them are colored afterwards, with new colors.

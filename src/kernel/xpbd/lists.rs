@@ -91,26 +91,28 @@ impl FoundContacts {
 
     /// Adds a contact of a vertex, the first particle, and a face, or of two edges. Constraints move those particles
     /// that `is_free` says.
-    pub fn push_features(
+    pub fn push_features<P>(
         &mut self,
-        kind: FeatureKind,
-        mut contact: Contact<FeatureParticles>,
+        (kind, parts): (FeatureKind, &FeatureParticles),
+        contact: &Contact<P>,
         is_free: impl Fn(u32) -> bool,
     ) {
-        let [a, b, c, d] = contact.parts.map(is_free);
+        let [a, b, c, d] = parts.map(is_free);
+        let (mut parts, mut normal) = (*parts, contact.normal);
         let list = match kind {
             FeatureKind::VertexFace if !(b || c || d) => &mut self.vertices,
             FeatureKind::VertexFace if !a => &mut self.faces,
             FeatureKind::VertexFace => &mut self.vertex_face,
             FeatureKind::EdgeEdge if !(a || b) => {
-                contact.parts.rotate_left(2);
-                contact.normal = -contact.normal;
+                parts = [parts[2], parts[3], parts[0], parts[1]];
+                normal = -normal;
                 &mut self.edges
             }
             FeatureKind::EdgeEdge if !(c || d) => &mut self.edges,
             FeatureKind::EdgeEdge => &mut self.edge_edge,
         };
-        list.push(contact);
+        let &Contact { distance, friction, reaction, recovers, .. } = contact;
+        list.push(Contact { parts, normal, distance, friction, reaction, recovers });
         self.end_of_one();
     }
 
@@ -318,8 +320,9 @@ mod tests {
                 recovers: false,
             };
             let is_free = |particle: u32| placed[particle as usize].inverse_mass > 0.0;
-            let narrow = solved(|found| found.push_features(kind, contact, is_free), &start, placed);
-            let general = solved(|found| found.push_features(kind, contact, |_| true), &start, placed);
+            let narrow = solved(|found| found.push_features((kind, &contact.parts), &contact, is_free), &start, placed);
+            let general =
+                solved(|found| found.push_features((kind, &contact.parts), &contact, |_| true), &start, placed);
             for (narrow, general) in narrow.into_iter().zip(general) {
                 assert!(narrow[0].distance(general[0]) < 1e-5, "{case} {kind:?}: {narrow:?} {general:?}");
                 assert!(narrow[1].distance(general[1]) < 1e-3, "{case} {kind:?}: {narrow:?} {general:?}");
@@ -367,7 +370,7 @@ mod tests {
                 recovers: false,
             };
             let add = |found: &mut FoundContacts| {
-                found.push_features(FeatureKind::VertexFace, contact, |particle| particle == 3);
+                found.push_features((FeatureKind::VertexFace, &contact.parts), &contact, |particle| particle == 3);
             };
             let ends = solved(add, &start, [pinned, pinned, pinned, free]);
             let way = ends[3][0].length();

@@ -48,6 +48,10 @@ impl<'a> Starts<'a> {
         self.rows[particle]
     }
 
+    pub(super) fn position(&self, particle: usize) -> DVec3 {
+        self.positions[particle]
+    }
+
     /// The vector from one particle to another.
     pub(super) fn offset(&self, from: usize, to: usize) -> DVec3 {
         self.positions[to] - self.positions[from]

@@ -131,7 +131,7 @@ mod tests {
         rows.begin([still; 3].into_iter());
         let rests = SailRests::new(3, &Slabs::default(), [([0, 1, 2], 2.0)].into_iter());
         let mut sails = Sails::default();
-        sails.add((&rests, rests.slabs()), 0, 1.0, rows.starts(&start));
+        sails.add((&rests, 0), 0, 1.0, rows.starts(&start));
         sails.blow(rows.moving(), Air { velocity, density: 1.2, coefficients }, step);
         let changes = [0, 1, 2].map(|particle| rows.state(particle)[1]);
         assert!(changes.iter().all(|change| *change == changes[0]));

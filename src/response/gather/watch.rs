@@ -68,6 +68,8 @@ pub(super) struct Unwatched {
     pub(super) pair: u32,
     /// Its place in the pair.
     pub(super) place: u32,
+    /// The particles of both triangles; [`NONE`] where the solver does not move them.
+    pub(super) particles: [[u32; 3]; 2],
 }
 
 /// How the contact point of the first side moves relative to that of the second.
@@ -136,21 +138,16 @@ impl Gatherer {
         }
         let share = f64::from(substep - 1) / f64::from(watch.substeps);
         let pushed = std::mem::take(&mut self.pushed);
-        let is_pushed = |side: Side<'_>, triangle: u32| match side {
-            Side::Body { first, topology } => {
-                let corners = topology.welded_triangles()[triangle as usize];
-                corners.into_iter().any(|corner| pushed[first + corner as usize])
-            }
-            Side::Driven { .. } | Side::Shape { .. } => false,
+        let is_pushed = |contact: &Unwatched| {
+            let particles = contact.particles.as_flattened().iter();
+            particles.fold(false, |is_any, &particle| is_any | pushed.get(particle as usize).is_some_and(|&own| own))
         };
-        let is_any_new = self.add_unwatched(solver, scene, |solver, pair, [a, b], record| {
+        let is_any_new = self.add_unwatched(solver, scene, is_pushed, |solver, pair, [a, b], record| {
             let of = |particle: usize| {
                 let [done, velocity] = solver.rows.state(particle);
                 [done, velocity * watch.duration]
             };
-            !pair.is_smooth
-                && (is_pushed(a, record.triangle_a) || is_pushed(b, record.triangle_b))
-                && watch.may_act(pair, record, ways(scene, pair, [a, b], record, share, of), share)
+            !pair.is_smooth && watch.may_act(pair, record, ways(scene, pair, [a, b], record, share, of), share)
         });
         self.pushed = pushed;
         is_any_new
@@ -181,26 +178,33 @@ impl Gatherer {
         let moved = |particle: usize| solver.particles.position[particle] - solver.particles.start[particle];
         let squares = (0..solver.particles.len()).map(|particle| moved(particle).length_squared());
         let farthest = squares.fold(0.0, f64::max).sqrt();
-        self.add_unwatched(solver, scene, |solver, pair, sides, record| {
-            let left = f64::from(record.distance) - (1.0 - MISSED) * f64::from(pair.contact_distance_at(record));
-            let is_driven = |side: &Side<'_>| match side {
-                Side::Body { .. } => false,
-                Side::Driven { entity, .. } | Side::Shape { entity } => scene.motions.course(*entity).is_some(),
-            };
-            if left >= 2.0 * farthest && !sides.iter().any(is_driven) {
-                return false;
-            }
-            let particles = &solver.particles;
-            let of = |particle: usize| [particles.position[particle] - particles.start[particle], DVec3::ZERO];
-            left < ways(scene, pair, sides, record, 1.0, of).closed(pair, record)
-        })
+        self.add_unwatched(
+            solver,
+            scene,
+            |_| true,
+            |solver, pair, sides, record| {
+                let left = f64::from(record.distance) - (1.0 - MISSED) * f64::from(pair.contact_distance_at(record));
+                let is_driven = |side: &Side<'_>| match side {
+                    Side::Body { .. } => false,
+                    Side::Driven { entity, .. } | Side::Shape { entity } => scene.motions.course(*entity).is_some(),
+                };
+                if left >= 2.0 * farthest && !sides.iter().any(is_driven) {
+                    return false;
+                }
+                let particles = &solver.particles;
+                let of = |particle: usize| [particles.position[particle] - particles.start[particle], DVec3::ZERO];
+                left < ways(scene, pair, sides, record, 1.0, of).closed(pair, record)
+            },
+        )
     }
 
-    /// Makes constraints of those contacts that have not been watched and must be now. Returns whether there are any.
+    /// Makes constraints of those contacts that have not been watched and must be now, which only those can for which `may_be`
+    /// says so. Returns whether there are any.
     fn add_unwatched(
         &mut self,
         solver: &mut Solver,
         scene: &Scene<'_, '_>,
+        may_be: impl Fn(&Unwatched) -> bool,
         must_be: impl Fn(&Solver, &StoredPair, [Side<'_>; 2], &CompactContact) -> bool,
     ) -> bool {
         let mut unwatched = std::mem::take(&mut self.unwatched);
@@ -208,6 +212,9 @@ impl Gatherer {
         // The contacts of a pair follow one another.
         let (mut last_pair, mut last_tangled) = (None, None);
         unwatched.retain(|contact| {
+            if !may_be(contact) {
+                return true;
+            }
             let pair = &scene.store.pairs[contact.pair as usize];
             let sides = match last_pair {
                 Some((place, sides)) if place == contact.pair => sides,
