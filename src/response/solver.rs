@@ -55,7 +55,7 @@ struct Part {
     body: usize,
     /// The slab of the body at rest, or the number of these.
     slab: usize,
-    /// The slab of this tick that it is in, or most of it.
+    /// The slab of this tick that its middle vertex is in.
     place: usize,
     springs: Springs,
     hinges: Hinges,
@@ -153,7 +153,7 @@ struct Inners {
 }
 
 impl Inners {
-    /// Orders parts by the slabs of a tick: what is in the same one is solved by the same thread as the contacts there.
+    /// Orders parts by the slabs of a tick, so that mostly the same thread solves what is near each other, and its contacts.
     fn arrange(&mut self, bodies: &[SolverBody], space: &Slabs) {
         let Self { slabs, between, .. } = self;
         slabs.resize_with(bodies.iter().map(|body| body.rest.parts.len()).sum(), Part::default);

@@ -37,6 +37,21 @@ fn fallen(threads: usize) -> (Vec<[u32; 3]>, usize) {
     };
     let rigid = (RigidShape(SharedShape::ball(0.1)), mass, Transform::from_translation(mass.center_of_mass));
     let rigid = scene.app.world_mut().spawn(rigid).id();
+    // Another one hangs above it from tethers, in all slabs. Every third of its vertices has two.
+    let hung = grid(32, 16, 1.6, 0.8, Diagonals::Alternating).translate([0.0, 2.0, 0.0]);
+    let offsets = [Vec3::Y * 0.02, Vec3::new(0.01, 0.03, 0.0)];
+    let tether = |(vertex, offset): (usize, usize)| Tether {
+        longest: 0.01,
+        ..Tether::pin(
+            VertexId(vertex as u32),
+            TetherTarget::World(Vec3::from(hung.positions[vertex]) + offsets[offset]),
+        )
+    };
+    let all = 0..hung.positions.len();
+    let tethers = all.clone().map(|vertex| (vertex, 0)).chain(all.clone().step_by(3).map(|vertex| (vertex, 1)));
+    let tethers = XpbdTethers::new(tethers.map(tether));
+    let held_by = |vertex: usize| Vec3::from(hung.positions[vertex]) + offsets[usize::from(vertex % 3 == 0)];
+    let hanging = scene.add(&hung, XpbdMaterial::CLOTH, (thickness, tethers));
     let (mut pressing, mut pushed) = (0, [Vec3::ZERO; 2]);
     for _ in 0..40 {
         scene.run(1);
@@ -45,7 +60,10 @@ fn fallen(threads: usize) -> (Vec<[u32; 3]>, usize) {
         pushed = [pushed[0] + push.velocity, pushed[1] + push.angular_velocity];
     }
     assert!(pushed[0].length() > 0.1, "the cloth pushes the rigid ball: {pushed:?}");
-    let at = [cloth, ball, beside].map(|body| scene.positions(body).to_vec());
+    let is_held = |vertex: &usize| scene.positions(hanging)[*vertex].distance(held_by(*vertex)) < 0.0101;
+    let held = all.clone().filter(is_held).count();
+    assert!(held > all.len() * 9 / 10, "tethers hold {held} of {}", all.len());
+    let at = [cloth, ball, beside, hanging].map(|body| scene.positions(body).to_vec());
     (at.concat().into_iter().chain(pushed).map(|at: Vec3| at.to_array().map(f32::to_bits)).collect(), pressing)
 }
 

@@ -79,11 +79,12 @@ impl SweptMesh<'_> {
 pub fn drift(start: &[DVec3], end: &[DVec3]) -> DVec3 {
     let motions = || start.iter().zip(end).map(|(start, end)| *end - *start);
     let mean = motions().sum::<DVec3>() / start.len().min(end.len()) as f64;
-    let ways = motions()
-        .fold([DVec3::ZERO; 2], |[with, without], motion| [with + motion.abs(), without + (motion - mean).abs()]);
-    let [with, without] = ways.map(DVec3::element_sum);
+    let ways = motions().fold([DVec3::ZERO; 2], |[at_rest, drifting], motion| {
+        [at_rest + motion.abs(), drifting + (motion - mean).abs()]
+    });
+    let [at_rest, drifting] = ways.map(DVec3::element_sum);
     // Written so that NaN becomes zero.
-    if without < with { mean } else { DVec3::ZERO }
+    if drifting < at_rest { mean } else { DVec3::ZERO }
 }
 
 /// Which impacts a sweep lists.
@@ -319,9 +320,7 @@ impl Sweep<'_> {
             let squared = |motion: DVec3| (motion - common).length_squared();
             squared(a).max(squared(b)).max(squared(c))
         };
-        // (√a + √b)² = a + b + 2 √(a b)
-        let (a, b) = (squared(motions_a), squared(motions_b));
-        a + b + 2.0 * (a * b).sqrt() >= clear * clear
+        squared(motions_a).sqrt() + squared(motions_b).sqrt() >= clear
     }
 }
 

@@ -79,7 +79,7 @@ struct SweptVertex {
 
 impl SweptVertex {
     fn new(start: DVec3, end: DVec3) -> Self {
-        // Farther than rounding to f32 and this sum may be off.
+        // More than the error of rounding to f32 and of the sum below.
         let away = |at: Vec3A| at.abs() * (2.0 * f32::EPSILON) + f32::MIN_POSITIVE;
         let narrowed = |at: DVec3| at.as_vec3a().clamp(Vec3A::splat(-f32::MAX), Vec3A::splat(f32::MAX));
         let (low, high) = (narrowed(start.min(end)), narrowed(start.max(end)));

@@ -48,8 +48,8 @@ impl Attachments {
         self.attached.clear();
     }
 
-    /// Attaches particles, each of them named once, to kinematic ones: a particle, its anchor, and the longest distance
-    /// between them in world units.
+    /// Attaches particles to kinematic ones: a particle, its anchor, and the longest distance between them in world units.
+    /// Particles that are attached to several are attached in several calls, each of which names them in ascending order.
     pub fn add(&mut self, attached: impl Iterator<Item = ([usize; 2], f64)>) {
         self.attached.extend(attached);
     }
@@ -58,7 +58,9 @@ impl Attachments {
     pub fn begin(&mut self, start: Starts<'_>) {
         let Self { attached, blocks } = self;
         blocks.clear();
-        blocks.extend(attached.chunks(WIDTH).map(|attached| {
+        // No block has a particle twice: what is attached again comes after a higher one.
+        let ascending = attached.chunk_by(|one, next| one.0[0] < next.0[0]);
+        blocks.extend(ascending.flat_map(|attached| attached.chunks(WIDTH)).map(|attached| {
             let mut block = Block::EMPTY;
             for (lane, &([particle, anchor], longest)) in attached.iter().enumerate() {
                 block.particles[lane] = start.row(particle);
@@ -133,6 +135,25 @@ mod tests {
         }
         assert!(held > 3 && held < 11, "{held} were too far away");
         assert_eq!(rows.state(11)[0], DVec3::Y);
+    }
+
+    #[test]
+    fn particles_that_are_attached_to_two_anchors_are_held_by_both() {
+        let mut rows = ParticleRows::default();
+        let placed = |inverse_mass| Placed { way: DVec3::ZERO, velocity: DVec3::ZERO, inverse_mass };
+        rows.begin([1.0, 1.0, 1.0, 0.0, 0.0].map(placed).into_iter());
+        // Each within 2 m of two anchors that are 3 m apart, and 1 m too far from one of them.
+        let start = [DVec3::X * 3.0, DVec3::ZERO, DVec3::X * 2.0, DVec3::ZERO, DVec3::X * 3.0];
+        let mut attachments = Attachments::default();
+        for anchor in [3, 4] {
+            attachments.add((0..3).map(|number| ([number, anchor], 2.0)));
+        }
+        attachments.begin(rows.starts(&start));
+        attachments.solve(rows.moving(), 1.0);
+        for (number, expected) in [2.0, 1.0, 2.0].into_iter().enumerate() {
+            let found = start[number] + rows.state(number)[0];
+            assert!(found.distance(DVec3::X * expected) < 1e-6, "{number}: {found}");
+        }
     }
 
     #[test]

@@ -111,8 +111,7 @@ impl FoundContacts {
             FeatureKind::EdgeEdge if !(c || d) => &mut self.edges,
             FeatureKind::EdgeEdge => &mut self.edge_edge,
         };
-        let &Contact { distance, friction, reaction, recovers, .. } = contact;
-        list.push(Contact { parts, normal, distance, friction, reaction, recovers });
+        list.push(Contact { normal, ..contact.between(parts) });
         self.end_of_one();
     }
 

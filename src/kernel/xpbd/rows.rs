@@ -1,7 +1,7 @@
 //! The state of particles in a tick, one row of four numbers each.
 //!
-//! Rows are in the order in which threads work on them, with a gap between threads. What a thread writes has to get from
-//! its cache to that of the next one who reads as much as a number beside it, which takes longer than to compute it.
+//! Rows are in the order in which threads work on them, with gaps: threads that write to one line of the cache slow each
+//! other down, even if they write different rows.
 
 mod lanes;
 
@@ -24,6 +24,9 @@ const GAP: u32 = u32::MAX;
 
 /// The rows in two lines of the cache: processors load neighboring lines in pairs.
 const LINES: u32 = 128 / size_of::<Row>() as u32;
+
+/// Rows between two gaps in a slab. Parts that are smaller are hardly worked on by different threads.
+const LEAST_APART: usize = 64;
 
 /// Where particles begin a tick: their positions, and their rows.
 #[derive(Clone, Copy, Debug)]
@@ -102,7 +105,7 @@ pub struct ParticleRows {
     arranged: usize,
     /// The number of rows that were arranged, with gaps.
     end: usize,
-    /// The end of the rows of each slab. What follows was not arranged, and belongs to the last.
+    /// The end of the rows of each slab. The last has those that were not arranged, too.
     ends: ArrayVec<usize, MOST_SLABS>,
     /// For each slab, its particles in order, and [`GAP`]s. Only used while rows are arranged.
     order: [Vec<u32>; MOST_SLABS],
@@ -212,10 +215,12 @@ impl ParticleRows {
         rows.clear();
         rows.resize(count, NOBODY);
         order.iter_mut().for_each(Vec::clear);
+        let mut gaps = [0; MOST_SLABS];
         for part in parts {
-            for list in &mut *order {
-                if list.last().is_some_and(|&last| last != GAP) {
+            for (list, gap) in zip(&mut *order, &mut gaps) {
+                if list.len() - *gap >= LEAST_APART {
                     list.push(GAP);
+                    *gap = list.len();
                 }
             }
             part.for_each(|particle| order[slabs.of(particle)].push(particle));
@@ -342,7 +347,7 @@ mod tests {
     use super::*;
     use crate::kernel::simd::parallel::Sequential;
 
-    /// Sixty particles in two slabs, in parts that cross them, and one in none.
+    /// 1,200 particles in two slabs, in parts that cross them, and one in none.
     #[test]
     fn what_different_threads_write_is_in_different_lines_and_particles_are_found_wherever_they_are() {
         let at = |particle: u32| DVec3::X * f64::from(particle * 7 % 60) * 30.0;
@@ -389,5 +394,9 @@ mod tests {
             borders += usize::from(is_border);
         }
         assert_eq!(borders, 5);
+        // Small parts are not apart.
+        rows.arrange(&slabs, positions.len(), (0..1200).map(|particle| [particle].into_iter()));
+        let ends = rows.starts(&positions).ends();
+        assert!(ends[1] - 1200 < 25 * LINES as usize, "{ends:?}");
     }
 }

@@ -117,6 +117,9 @@ impl Tethers {
     /// Moves every tethered particle to the nearest place that its tether allows: in front of the plane, and then within
     /// the longest distance. `passed` is the share of the tick that has passed.
     pub fn solve(&self, team: &dyn Team, rows: MovingRows<'_>, passed: f32) {
+        if self.blocks.is_empty() {
+            return;
+        }
         let mut first = 0;
         let slabs = self.ends.iter().map(|&end| {
             let own = first..end;
@@ -140,11 +143,11 @@ impl Block {
     fn solve<S: Simd>(&self, simd: S, rows: MovingRows<'_>, passed: f32) {
         let zero = f32x8::splat(simd, 0.0);
         let particles = gather(simd, &rows.displacement, &self.particles);
-        let share = f32x8::splat(simd, passed);
-        let target = VectorLanes::load(simd, &self.target).plus(VectorLanes::load(simd, &self.way).scaled(share));
+        let passed = f32x8::splat(simd, passed);
+        let target = VectorLanes::load(simd, &self.target).plus(VectorLanes::load(simd, &self.way).scaled(passed));
         let offset = particles.vector - target;
         let [first, last] = [&self.normals[0], &self.normals[1]].map(|normals| VectorLanes::load(simd, normals));
-        let normal = first.scaled(1.0 - share).plus(last.scaled(share));
+        let normal = first.scaled(1.0 - passed).plus(last.scaled(passed));
         let squared = normal.dot(normal);
         let has_plane = squared.simd_gt(zero);
         let normal = normal.scaled(has_plane.select(1.0 / squared.sqrt(), zero));

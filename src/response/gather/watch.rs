@@ -68,7 +68,7 @@ pub(super) struct Unwatched {
     pub(super) pair: u32,
     /// Its place in the pair.
     pub(super) place: u32,
-    /// The particles of both triangles; [`NONE`] where the solver does not move them.
+    /// The particles of both triangles; [`NONE`] of one that belongs to no body.
     pub(super) particles: [[u32; 3]; 2],
 }
 
@@ -198,8 +198,8 @@ impl Gatherer {
         )
     }
 
-    /// Makes constraints of those contacts that have not been watched and must be now, which only those can for which `may_be`
-    /// says so. Returns whether there are any.
+    /// Makes constraints of those contacts that have not been watched for which `may_be`, which is quick, and `must_be` say
+    /// so. Returns whether there are any.
     fn add_unwatched(
         &mut self,
         solver: &mut Solver,
