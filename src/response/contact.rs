@@ -7,7 +7,7 @@ use glam::DVec3;
 
 use super::particles::Particles;
 use crate::kernel::{
-    simd::parallel::{Team, share},
+    simd::parallel::{Sequential, Team, share, share_all},
     xpbd::{
         At, Contact, Contacts, Evaluation, FeatureKind, FeatureParticles, FoundContacts, MovingRows, Place, Plane,
         RigidBodies, Slabs,
@@ -94,6 +94,29 @@ const PHASES: usize = 4;
 /// Another thread does not pay off for fewer contacts in a sweep.
 const LEAST_SHARED: usize = 256;
 
+/// What a sweep does to contacts, which it may go through backward.
+type Work = fn(&mut Contacts, MovingRows<'_>, bool);
+
+/// One pass over the firm or the loose contacts.
+#[derive(Clone, Copy)]
+struct Sweep {
+    kind: usize,
+    is_backward: bool,
+    work: Work,
+}
+
+/// The most sweeps between which nothing else happens.
+const MOST_SWEEPS: usize = 4 * (SWEEPS + 1 + RECOVERIES);
+
+const fn there(work: Work) -> [Sweep; 2] {
+    [Sweep { kind: FIRM, is_backward: false, work }, Sweep { kind: LOOSE, is_backward: false, work }]
+}
+
+const fn there_and_back(work: Work) -> [Sweep; 4] {
+    let [firm, loose] = there(work);
+    [firm, loose, Sweep { is_backward: true, ..loose }, Sweep { is_backward: true, ..firm }]
+}
+
 /// All contacts of a tick. Those with static or kinematic particles come first: a symmetric sweep ends with the first
 /// contact, so they have the last word. Otherwise a stack would be pressed into the ground.
 ///
@@ -153,29 +176,29 @@ impl SolverContacts {
 
     /// Calls `work` with every list, in any order.
     fn for_each(&mut self, team: &dyn Team, work: impl Fn(&mut List) + Sync) {
-        for phase in &mut self.phases {
-            share_if_many(
-                team,
-                phase,
-                |lists| lists.iter().map(|list| list.found.len()).sum(),
-                |lists| {
-                    lists.iter_mut().for_each(&work);
-                },
-            );
-        }
+        let team = if self.len() >= LEAST_SHARED { team } else { &Sequential };
+        let phases = self.phases.each_mut().map(|phase| phase.as_flattened_mut());
+        share_all(team, phases, work);
     }
 
-    /// Calls `work` with the firm or the loose contacts, phase by phase, or backward.
-    fn sweep(&mut self, team: &dyn Team, kind: usize, is_backward: bool, work: impl Fn(&mut Contacts) + Sync) {
-        for phase in in_order(PHASES, is_backward) {
-            share_if_many(
-                team,
-                &mut self.phases[phase],
-                |lists| lists[kind].found.len(),
-                |lists| {
-                    work(&mut lists[kind].colored);
-                },
-            );
+    /// Runs one sweep after the other, each phase by phase, or backward. What follows each other in the same phase is one
+    /// job, because places have nothing in common: threads meet less often.
+    fn sweep(&mut self, team: &dyn Team, rows: MovingRows<'_>, sweeps: &[Sweep]) {
+        let mut steps: ArrayVec<(usize, Sweep), { MOST_SWEEPS * PHASES }> = ArrayVec::new();
+        for sweep in sweeps {
+            let phases = in_order(PHASES, sweep.is_backward);
+            let has_any = |&phase: &usize| self.phases[phase].iter().any(|lists| !lists[sweep.kind].found.is_empty());
+            steps.extend(phases.filter(has_any).map(|phase| (phase, *sweep)));
+        }
+        for job in steps.chunk_by(|one, next| one.0 == next.0) {
+            let Some(phase) = job.first().and_then(|&(phase, _)| self.phases.get_mut(phase)) else { continue };
+            let lengths = phase.iter().flat_map(|lists| job.iter().map(|(_, sweep)| lists[sweep.kind].found.len()));
+            let team = if lengths.sum::<usize>() >= LEAST_SHARED { team } else { &Sequential };
+            share(team, phase, |lists| {
+                for (_, Sweep { kind, is_backward, work }) in job {
+                    work(&mut lists[*kind].colored, rows, *is_backward);
+                }
+            });
         }
     }
 
@@ -254,9 +277,7 @@ impl SolverContacts {
             });
             self.soften(|number, normal| bodies.yielding(number, normal));
         }
-        for kind in [FIRM, LOOSE] {
-            self.sweep(team, kind, false, |contacts| contacts.push_again(rows));
-        }
+        self.sweep(team, rows, &there(|contacts, rows, _| contacts.push_again(rows)));
         self.give_way(rows, bodies, evaluation.share);
     }
 
@@ -276,34 +297,28 @@ impl SolverContacts {
     /// Friction runs after all normal multipliers are final, because they are its limits. If a contact stopped pressing
     /// after its friction was solved, it would release what it holds. What friction then leaves too near is only pushed.
     pub fn solve(&mut self, team: &dyn Team, rows: MovingRows<'_>, bodies: &mut RigidBodies, share: f32) {
-        for _ in 0..SWEEPS {
-            self.separate_again(team, rows, bodies, share);
-        }
-        self.there_and_back(team, rows, Contacts::rub);
-        self.give_way(rows, bodies, share);
-        for _ in 0..RECOVERIES {
-            self.there_and_back(team, rows, Contacts::recover);
-            self.give_way(rows, bodies, share);
-        }
-    }
-
-    fn there_and_back(&mut self, team: &dyn Team, rows: MovingRows<'_>, work: fn(&mut Contacts, MovingRows<'_>, bool)) {
-        for (kind, is_backward) in [(FIRM, false), (LOOSE, false), (LOOSE, true), (FIRM, true)] {
-            self.sweep(team, kind, is_backward, |contacts| work(contacts, rows, is_backward));
+        let separations = [Contacts::separate as Work; SWEEPS];
+        let all = separations.into_iter().chain([Contacts::rub as Work]).chain([Contacts::recover as Work; RECOVERIES]);
+        if bodies.is_any_pushed() {
+            for work in all {
+                self.sweep(team, rows, &there_and_back(work));
+                self.give_way(rows, bodies, share);
+            }
+        } else {
+            let sweeps: ArrayVec<Sweep, MOST_SWEEPS> = all.flat_map(there_and_back).collect();
+            self.sweep(team, rows, &sweeps);
         }
     }
 
     /// Pushes the sides of all contacts apart once more, there and back, after something else has moved them.
     pub fn separate_again(&mut self, team: &dyn Team, rows: MovingRows<'_>, bodies: &mut RigidBodies, share: f32) {
-        self.there_and_back(team, rows, Contacts::separate);
+        self.sweep(team, rows, &there_and_back(Contacts::separate));
         self.give_way(rows, bodies, share);
     }
 
     /// Ends a substep, after velocities have been derived.
     pub fn end_step(&mut self, team: &dyn Team, rows: MovingRows<'_>, bodies: &mut RigidBodies, step: f64) {
-        for kind in [FIRM, LOOSE] {
-            self.sweep(team, kind, false, |contacts| contacts.end_step(rows));
-        }
+        self.sweep(team, rows, &there(|contacts, rows, _| contacts.end_step(rows)));
         if bodies.is_any_pushed() {
             bodies.end_step(step, |add| self.lists_mut().for_each(|list| list.colored.pushes(true, &mut *add)));
         }
@@ -319,21 +334,5 @@ impl SolverContacts {
     pub fn counts(&mut self) -> [usize; 2] {
         let counts = self.lists_mut().map(|list| list.colored.counts());
         counts.fold([0; 2], |[acting, pressing], [a, p]| [acting + a, pressing + p])
-    }
-}
-
-/// Calls `work` with the contacts of every place of a phase, on several threads if there are many. `count` says how many
-/// a place has. There is nothing to do where there are none.
-fn share_if_many(
-    team: &dyn Team,
-    phase: &mut [Lists],
-    count: impl Fn(&Lists) -> usize,
-    work: impl Fn(&mut Lists) + Sync,
-) {
-    let count: usize = phase.iter().map(count).sum();
-    if count >= LEAST_SHARED {
-        share(team, phase, work);
-    } else if count > 0 {
-        phase.iter_mut().for_each(work);
     }
 }

@@ -44,21 +44,31 @@ impl Team for Sequential {
 
 /// Calls `work` with every item.
 pub fn share<T: Send>(team: &dyn Team, items: &mut [T], work: impl Fn(&mut T) + Sync) {
-    let size = team.size().min(items.len());
+    share_all(team, [items], work);
+}
+
+/// Calls `work` with every item of several lists. Each thread has its share of each of them.
+pub fn share_all<T: Send, const N: usize>(team: &dyn Team, lists: [&mut [T]; N], work: impl Fn(&mut T) + Sync) {
+    let size = lists.iter().map(|items| items.len()).fold(0, usize::max).min(team.size());
     if size <= 1 {
-        return items.iter_mut().for_each(work);
+        return lists.into_iter().flatten().for_each(work);
     }
-    let count = items.len();
-    let mut rest = items;
-    let parts: ArrayVec<Mutex<&mut [T]>, MOST_IN_TEAM> = (0..size)
+    let counts = lists.each_ref().map(|items| items.len());
+    let mut rest = lists;
+    let parts: ArrayVec<Mutex<[&mut [T]; N]>, MOST_IN_TEAM> = (0..size)
         .map(|part| {
-            let length = (part + 1) * count / size - part * count / size;
-            Mutex::new(rest.split_off_mut(..length).unwrap_or_default())
+            let mut list = 0;
+            Mutex::new(rest.each_mut().map(|items| {
+                let length = (part + 1) * counts[list] / size - part * counts[list] / size;
+                list += 1;
+                items.split_off_mut(..length).unwrap_or_default()
+            }))
         })
         .collect();
     team.run(&|part| {
         if let Some(own) = parts.get(part) {
-            own.lock().unwrap_or_else(PoisonError::into_inner).iter_mut().for_each(&work);
+            let mut own = own.lock().unwrap_or_else(PoisonError::into_inner);
+            own.iter_mut().flat_map(|items| items.iter_mut()).for_each(&work);
         }
     });
 }
