@@ -181,8 +181,8 @@ impl SolverContacts {
         share_all(team, phases, work);
     }
 
-    /// Runs one sweep after the other, each phase by phase, or backward. What follows each other in the same phase is one
-    /// job, because places have nothing in common: threads meet less often.
+    /// Runs one sweep after the other, each phase by phase, or backward. Steps that follow each other in the same phase are
+    /// one job: its places have no free particle in common, so threads need not meet in between.
     fn sweep(&mut self, team: &dyn Team, rows: MovingRows<'_>, sweeps: &[Sweep]) {
         let mut steps: ArrayVec<(usize, Sweep), { MOST_SWEEPS * PHASES }> = ArrayVec::new();
         for sweep in sweeps {

@@ -27,6 +27,9 @@ pub(super) fn stay_apart<const A: usize, const B: usize>(
     separation: f64,
     normal: &mut DVec3,
 ) -> bool {
+    if *normal != DVec3::ZERO && keeps_apart(a, b, separation, *normal) {
+        return true;
+    }
     let (start, end) = (Differences::new(a[0], b[0]), Differences::new(a[1], b[1]));
     let (low, high) = (start.low.min(end.low), start.high.max(end.high));
     // The coordinates of differences, and of each set relative to one of its points, are at most twice the largest.
@@ -40,9 +43,6 @@ pub(super) fn stay_apart<const A: usize, const B: usize>(
     };
     // Written so that NaN counts as no plane.
     let separates = |lowest: &Lowest, normal: DVec3| lowest.height > within * normal.length();
-    if *normal != DVec3::ZERO && separates(&lowest(*normal), *normal) {
-        return true;
-    }
     let way = end.middle - start.middle;
     let squared = way.length_squared();
     let time = if squared > 0.0 { (-start.middle.dot(way) / squared).clamp(0.0, 1.0) } else { 0.0 };
@@ -58,6 +58,34 @@ pub(super) fn stay_apart<const A: usize, const B: usize>(
         }
     }
     false
+}
+
+/// Whether differences along a normal are greater than the separation at both ends.
+#[inline]
+fn keeps_apart<const A: usize, const B: usize>(
+    a: [&[DVec3; A]; 2],
+    b: [&[DVec3; B]; 2],
+    separation: f64,
+    normal: DVec3,
+) -> bool {
+    let (mut height, mut largest) = (f64::INFINITY, DVec3::ZERO);
+    for end in 0..2 {
+        // Relative to one of the points, so that distance from the origin costs no precision.
+        let origin = b[end][0];
+        let (mut lowest, mut highest) = (f64::INFINITY, 0.0_f64);
+        for &point in a[end] {
+            let offset = point - origin;
+            (lowest, largest) = (lowest.min(normal.dot(offset)), largest.max(offset.abs()));
+        }
+        for &point in &b[end][1..] {
+            let offset = point - origin;
+            (highest, largest) = (highest.max(normal.dot(offset)), largest.max(offset.abs()));
+        }
+        height = height.min(lowest - highest);
+    }
+    // Differences are at most twice as large. Written so that NaN counts as no plane.
+    let within = separation * LENGTH_SLACK + 4.0 * HEIGHT_ERROR * largest.max_element();
+    height > within * normal.length()
 }
 
 /// The lowest difference between the points of two sets along a normal.

@@ -12,7 +12,7 @@ use super::{
     pair_list::{MovingSide, PairImpact, feature_impacts, first_impacts, impacts_with_solid},
     stars::PlainStars,
     sweep_tree::{SweepTree, outward_box, rounded_up},
-    triangle_pair::MovingTriangle,
+    triangle_pair::{MovingTriangle, has_features},
 };
 use crate::kernel::{
     bvh::{
@@ -21,6 +21,7 @@ use crate::kernel::{
     },
     mesh::{
         bounds::{Aabb, pairs_between_brute_force},
+        ids::TriangleId,
         topology::{SurfaceTopology, share_corner},
     },
     simd::parallel::{Parallel, Sequential},
@@ -288,31 +289,46 @@ impl Sweep<'_> {
                 return false;
             }
             count += 1;
-            self.may_meet(*pair)
+            self.has_features(*pair) && self.may_meet(*pair)
         });
         let others = candidates.len();
         candidates.extend(around.iter().filter(|&&pair| is_requested(pair)));
         count += candidates.len() - others;
         let (a, b) = (self.a.0.side(), self.b.0.side());
-        let are_whole = self.a.1.is_whole() && self.b.1.is_whole();
-        match self.list {
-            ImpactList::Solid if are_whole => impacts_with_solid(&a, &b, candidates, self.separation, impacts),
-            ImpactList::Features if are_whole => {
-                feature_impacts(&a, &b, self.same_surface, candidates, self.separation, impacts);
-            }
-            _ => first_impacts(&a, &b, self.same_surface, candidates, self.separation, impacts),
+        match self.kept_list() {
+            ImpactList::Solid => impacts_with_solid(&a, &b, candidates, self.separation, impacts),
+            ImpactList::Features => feature_impacts(&a, &b, self.same_surface, candidates, self.separation, impacts),
+            ImpactList::Triangles => first_impacts(&a, &b, self.same_surface, candidates, self.separation, impacts),
         }
         count
     }
 
-    /// Whether two triangles without a common vertex may meet, given what is known of their distance at the start.
-    fn may_meet(&self, [a, b]: [u32; 2]) -> bool {
-        let ((mesh_a, tree_a), (mesh_b, tree_b)) = (&self.a, &self.b);
-        let (Some(reach_a), Some(reach_b)) = (tree_a.known_reach(a), tree_b.known_reach(b)) else { return true };
-        let clear = reach_a + reach_b - self.separation;
-        if clear <= 0.0 {
+    /// Which impacts are listed of meshes that may be torn.
+    fn kept_list(&self) -> ImpactList {
+        let are_whole = self.a.1.is_whole() && self.b.1.is_whole();
+        if are_whole { self.list } else { ImpactList::Triangles }
+    }
+
+    /// How much farther apart than the separation two triangles without a common vertex are at the start, at least, if that is
+    /// known.
+    fn clear(&self, a: u32, b: u32) -> Option<f64> {
+        Some(self.a.1.known_reach(a)? + self.b.1.known_reach(b)? - self.separation)
+    }
+
+    /// Whether features of two triangles without a common vertex are tested in this pair, or it may cross at the start.
+    fn has_features(&self, [a, b]: [u32; 2]) -> bool {
+        if self.kept_list() == ImpactList::Triangles || self.clear(a, b).is_none_or(|clear| clear <= 0.0) {
             return true;
         }
+        let tested = [(&self.a.0, a), (&self.b.0, b)]
+            .map(|(mesh, triangle)| mesh.topology.surroundings(TriangleId(triangle)).features());
+        has_features(tested)
+    }
+
+    /// Whether two triangles without a common vertex may meet, given what is known of their distance at the start.
+    fn may_meet(&self, [a, b]: [u32; 2]) -> bool {
+        let ((mesh_a, _), (mesh_b, _)) = (&self.a, &self.b);
+        let Some(clear) = self.clear(a, b).filter(|&clear| clear > 0.0) else { return true };
         let [motions_a, motions_b] = [mesh_a.triangle(a).motions(), mesh_b.triangle(b).motions()];
         let sum = |[a, b, c]: [DVec3; 3]| a + b + c;
         let common = (sum(motions_a) + sum(motions_b)) * (1.0 / 6.0);

@@ -146,6 +146,12 @@ pub(super) fn triangle_pair_impact_by(
 /// The features of two triangles, as bits: 1 << 0 to 2 for the corners, 3 to 5 for the edges.
 pub(super) type FeatureBits = [u8; 2];
 
+/// Whether a pair of features is tested of those whose bits are set: a corner with the other face, or two edges.
+pub(super) fn has_features([a, b]: FeatureBits) -> bool {
+    const CORNERS: u8 = 0b111;
+    (a | b) & CORNERS != 0 || a > CORNERS && b > CORNERS
+}
+
 /// All features of two triangles.
 const ALL_FEATURES: FeatureBits = [0b11_1111; 2];
 

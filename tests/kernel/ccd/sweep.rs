@@ -262,7 +262,7 @@ fn no_certified_impact_of_fast_meshes_is_missed_or_called_late() {
 
 /// For each triangle, slightly less than half the distance at the start of the step to the nearest triangle that shares
 /// no vertex with it.
-fn half_distances(own: &SweptMesh<'_>, other: &SweptMesh<'_>, same: bool) -> Vec<f64> {
+pub(super) fn half_distances(own: &SweptMesh<'_>, other: &SweptMesh<'_>, same: bool) -> Vec<f64> {
     let corners = |mesh: &SweptMesh<'_>, triangle: u32| mesh.topology.triangles()[triangle as usize];
     let count = |mesh: &SweptMesh<'_>| mesh.topology.triangles().len() as u32;
     let half_distance = |triangle: u32| {
