@@ -175,7 +175,9 @@ impl Inners {
     fn begin(&mut self, team: &dyn Team, bodies: &[SolverBody], start: Starts<'_>) {
         let Self { slabs, between, volumes, of_bodies, has_tetrahedra } = self;
         share(team, slabs, |part| part.begin(bodies, start));
-        between.iter_mut().for_each(|part| part.begin(bodies, start));
+        for part in &mut *between {
+            part.begin(bodies, start);
+        }
         volumes.clear();
         of_bodies.clear();
         of_bodies.extend(bodies.iter().map(

@@ -50,7 +50,7 @@ fn fallen(threads: usize) -> (Vec<[u32; 3]>, usize) {
     let all = 0..hung.positions.len();
     let tethers = all.clone().map(|vertex| (vertex, 0)).chain(all.clone().step_by(3).map(|vertex| (vertex, 1)));
     let tethers = XpbdTethers::new(tethers.map(tether));
-    let held_by = |vertex: usize| Vec3::from(hung.positions[vertex]) + offsets[usize::from(vertex % 3 == 0)];
+    let held_by = |vertex: usize| Vec3::from(hung.positions[vertex]) + offsets[usize::from(vertex.is_multiple_of(3))];
     let hanging = scene.add(&hung, XpbdMaterial::CLOTH, (thickness, tethers));
     let (mut pressing, mut pushed) = (0, [Vec3::ZERO; 2]);
     for _ in 0..40 {

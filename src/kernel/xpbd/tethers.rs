@@ -238,7 +238,7 @@ mod tests {
         }
         tethers.begin(rows.starts(&positions));
         tethers.solve(&Sequential, rows.moving(), 1.0);
-        for particle in 0..20 {
+        for particle in 0..20_u32 {
             let last = if particle % 3 == 0 { second } else { first };
             let expected = if particle == 5 { DVec3::ZERO } else { last };
             assert_eq!(rows.state(particle as usize)[0], expected, "{particle}");

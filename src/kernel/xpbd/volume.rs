@@ -109,7 +109,9 @@ impl Volumes {
         let own = &rows[*first..*first + *count];
         // All others stay 0: those of other bodies are not read, and that of no particle gets nothing.
         gradients.resize(gradients.len().max(displacement.len()), Row::default());
-        own.iter().for_each(|&row| gradients[row as usize] = Row::default());
+        for &row in own {
+            gradients[row as usize] = Row::default();
+        }
         let blocks = &blocks[range.clone()];
         let origin = displacement[own[0] as usize].vector();
         let six_times = dispatch!(simd => add_gradients(simd, blocks, displacement, origin, gradients));
