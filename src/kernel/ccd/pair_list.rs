@@ -43,7 +43,7 @@ impl<Position: Copy + Into<DVec3>> MovingSide<'_, Position> {
     }
 
     /// The features for which a triangle is the first of those around them.
-    fn firsts(&self, triangle: u32) -> u8 {
+    pub(super) fn firsts(&self, triangle: u32) -> u8 {
         self.topology.surroundings(TriangleId(triangle)).features()
     }
 }

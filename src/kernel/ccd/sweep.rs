@@ -21,7 +21,6 @@ use crate::kernel::{
     },
     mesh::{
         bounds::{Aabb, pairs_between_brute_force},
-        ids::TriangleId,
         topology::{SurfaceTopology, share_corner},
     },
     simd::parallel::{Parallel, Sequential},
@@ -289,7 +288,7 @@ impl Sweep<'_> {
                 return false;
             }
             count += 1;
-            self.has_features(*pair) && self.may_meet(*pair)
+            self.may_meet(*pair)
         });
         let others = candidates.len();
         candidates.extend(around.iter().filter(|&&pair| is_requested(pair)));
@@ -309,26 +308,19 @@ impl Sweep<'_> {
         if are_whole { self.list } else { ImpactList::Triangles }
     }
 
-    /// How much farther apart than the separation two triangles without a common vertex are at the start, at least, if that is
-    /// known.
-    fn clear(&self, a: u32, b: u32) -> Option<f64> {
-        Some(self.a.1.known_reach(a)? + self.b.1.known_reach(b)? - self.separation)
-    }
-
-    /// Whether features of two triangles without a common vertex are tested in this pair, or it may cross at the start.
-    fn has_features(&self, [a, b]: [u32; 2]) -> bool {
-        if self.kept_list() == ImpactList::Triangles || self.clear(a, b).is_none_or(|clear| clear <= 0.0) {
+    /// Whether two triangles without a common vertex may meet in features that this pair tests, given what is known of their
+    /// distance at the start.
+    fn may_meet(&self, [a, b]: [u32; 2]) -> bool {
+        let ((mesh_a, tree_a), (mesh_b, tree_b)) = (&self.a, &self.b);
+        let (Some(reach_a), Some(reach_b)) = (tree_a.known_reach(a), tree_b.known_reach(b)) else { return true };
+        let clear = reach_a + reach_b - self.separation;
+        if clear <= 0.0 {
             return true;
         }
-        let tested = [(&self.a.0, a), (&self.b.0, b)]
-            .map(|(mesh, triangle)| mesh.topology.surroundings(TriangleId(triangle)).features());
-        has_features(tested)
-    }
-
-    /// Whether two triangles without a common vertex may meet, given what is known of their distance at the start.
-    fn may_meet(&self, [a, b]: [u32; 2]) -> bool {
-        let ((mesh_a, _), (mesh_b, _)) = (&self.a, &self.b);
-        let Some(clear) = self.clear(a, b).filter(|&clear| clear > 0.0) else { return true };
+        let tested = [mesh_a.side().firsts(a), mesh_b.side().firsts(b)];
+        if self.kept_list() != ImpactList::Triangles && !has_features(tested) {
+            return false;
+        }
         let [motions_a, motions_b] = [mesh_a.triangle(a).motions(), mesh_b.triangle(b).motions()];
         let sum = |[a, b, c]: [DVec3; 3]| a + b + c;
         let common = (sum(motions_a) + sum(motions_b)) * (1.0 / 6.0);

@@ -49,7 +49,7 @@ impl Attachments {
     }
 
     /// Attaches particles to kinematic ones: a particle, its anchor, and the longest distance between them in world units.
-    /// Particles that are attached to several are attached in several calls, each of which names them in ascending order.
+    /// Every call names particles in ascending order. Another call may attach the same ones to another anchor.
     pub fn add(&mut self, attached: impl Iterator<Item = ([usize; 2], f64)>) {
         self.attached.extend(attached);
     }
