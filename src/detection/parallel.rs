@@ -43,6 +43,10 @@ impl Threads {
 }
 
 impl Parallel for Threads {
+    fn threads(&self) -> usize {
+        self.most()
+    }
+
     fn run_tasks<P: Send>(&self, tasks: impl Iterator<Item = P> + Send, count: usize, work: impl Fn(P) + Sync) {
         run_tasks(tasks, count, self.0, work);
     }
@@ -80,12 +84,12 @@ impl<T: Send + 'static> Results for (Vec<T>, FoundSpheres) {
 }
 
 /// Calls `work` on consecutive parts of `0..count`, each `chunk` long, with results to append to, and joins them in
-/// order. With one thread or one part, does not use the pool and allocates nothing. Otherwise each part writes to a
+/// order. With one thread or one part, hands out no tasks and allocates nothing. Otherwise each part writes to a
 /// `spare` buffer, which is joined as soon as its turn comes, while it is still in the CPU cache.
 pub(super) fn append_parts<T: Results>(
     count: usize,
     chunk: usize,
-    threads: usize,
+    parallel: &impl Parallel,
     spare: &Buffers<T>,
     results: &mut T,
     work: impl Fn(Range<usize>, &mut T) + Sync,
@@ -93,11 +97,9 @@ pub(super) fn append_parts<T: Results>(
 ) {
     let part_count = count.div_ceil(chunk);
     let range = |part: usize| part * chunk..((part + 1) * chunk).min(count);
-    let threads = available_threads(threads).min(part_count);
-    if threads <= 1 {
+    if parallel.threads().min(part_count) <= 1 {
         return (0..part_count).for_each(|part| work(range(part), results));
     }
-    let next = AtomicUsize::new(0);
     let waiting: Mutex<Vec<(usize, T)>> = Mutex::default();
     let take_waiting = |part: usize| {
         let mut waiting = waiting.lock().unwrap_or_else(PoisonError::into_inner);
@@ -113,24 +115,16 @@ pub(super) fn append_parts<T: Results>(
         }
     };
     let join_waiting = Mutex::new(join_waiting);
-    let take_parts = || {
-        loop {
-            let part = next.fetch_add(1, Ordering::Relaxed);
-            if part >= part_count {
-                return;
-            }
-            let mut found = spare.take();
-            found.clear();
-            work(range(part), &mut found);
-            waiting.lock().unwrap_or_else(PoisonError::into_inner).push((part, found));
-            // No thread waits for the one that is joining. What that one misses is joined after a later part, or at the
-            // end.
-            if let Ok(mut join_waiting) = join_waiting.try_lock() {
-                join_waiting();
-            }
+    parallel.run_tasks(0..part_count, part_count, |part| {
+        let mut found = spare.take();
+        found.clear();
+        work(range(part), &mut found);
+        waiting.lock().unwrap_or_else(PoisonError::into_inner).push((part, found));
+        // No thread waits for the one that is joining. What that one misses is joined after a later part, or at the end.
+        if let Ok(mut join_waiting) = join_waiting.try_lock() {
+            join_waiting();
         }
-    };
-    on_threads(threads, &take_parts);
+    });
     join_waiting.into_inner().unwrap_or_else(PoisonError::into_inner)();
 }
 
@@ -143,14 +137,15 @@ pub(super) fn append_chunks<T: Results>(
     work: impl Fn(&[[u32; 2]], &mut T) + Sync,
     join: impl FnMut(&mut T, &mut T) + Send,
 ) {
-    append_parts(pairs.len(), CHUNK, threads, spare, results, |range, found| work(&pairs[range], found), join);
+    let work = |range: Range<usize>, found: &mut T| work(&pairs[range], found);
+    append_parts(pairs.len(), CHUNK, &Threads(threads), spare, results, work, join);
 }
 
 /// Like [`append_parts`], for lists. Returns the sum of the return values of `work`.
 pub(super) fn append_ranges<T: Send + 'static>(
     count: usize,
     chunk: usize,
-    threads: usize,
+    parallel: &impl Parallel,
     spare: &Buffers<Vec<T>>,
     results: &mut Vec<T>,
     work: impl Fn(Range<usize>, &mut Vec<T>) -> usize + Sync,
@@ -159,7 +154,7 @@ pub(super) fn append_ranges<T: Send + 'static>(
     let work = |range: Range<usize>, found: &mut Vec<T>| {
         sum.fetch_add(work(range, found), Ordering::Relaxed);
     };
-    append_parts(count, chunk, threads, spare, results, work, Vec::append);
+    append_parts(count, chunk, parallel, spare, results, work, Vec::append);
     sum.into_inner()
 }
 

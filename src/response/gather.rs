@@ -41,6 +41,7 @@ use crate::{
             topology::SurfaceTopology,
         },
         pose::Pose,
+        simd::parallel::Team,
         xpbd::coloring::NONE,
     },
     surface::{ActiveSurface, ContactSide},
@@ -186,7 +187,7 @@ impl Gatherer {
     }
 
     /// Makes constraints of those contacts with a body on at least one side that may act.
-    pub(super) fn add_contacts(&mut self, solver: &mut Solver, scene: &Scene<'_, '_>, watch: Watch) {
+    pub(super) fn add_contacts(&mut self, team: &dyn Team, solver: &mut Solver, scene: &Scene<'_, '_>, watch: Watch) {
         self.look_ahead(&solver.particles, watch);
         self.known.clear();
         self.unwatched.clear();
@@ -197,7 +198,7 @@ impl Gatherer {
             }
             let friction = scene.friction(pair.a.entity(), pair.b.entity());
             self.find_tangled(&mut solver.particles, scene, pair);
-            let may_act = self.watch(scene, pair, sides, watch);
+            let may_act = self.watch(team, scene, pair, sides, watch);
             for ((place, record), &may_act) in (0..).zip(pair.contacts.iter()).zip(&may_act) {
                 if may_act {
                     self.add_contact(solver, scene, pair, sides, record, friction);

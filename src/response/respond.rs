@@ -12,7 +12,7 @@ use super::{
     body::XpbdBody,
     error::{MOST_COORDINATE, XpbdBodyError},
     gather::{Gatherer, Watch},
-    guard::Guard,
+    guard::{self, Guard},
     margins::BodyMargins,
     motion::{self, Motions},
     particles::Particles,
@@ -30,6 +30,7 @@ use crate::{
     kernel::{
         mesh::{ids::VertexId, topology::SurfaceTopology},
         pose::Pose,
+        simd::parallel::{Sequential, Team},
     },
     schedule::run_detection,
     surface::{ActiveSurface, ActiveSurfaces, Named, SurfacePositions, SweptCollision, SweptTarget},
@@ -112,6 +113,9 @@ const CALM_TICKS: u32 = 60;
 
 /// Smallest number of substeps of a part. With fewer, vertices lag behind the kinematic object that pushes them.
 const LEAST_SUBSTEPS: u32 = 4;
+
+/// With fewer particles than this, more than one thread does not pay off.
+const LEAST_SHARED: usize = 1024;
 
 /// How often a tick is solved again with contacts that were not expected to act.
 const MOST_MISSED: usize = 2;
@@ -258,65 +262,108 @@ fn respond(
     }
     refused.clear();
     refused.extend(diagnostics.refused.iter().map(|&(entity, _)| entity));
-    solver.contacts.begin(&solver.particles);
-    diagnostics.inside = gatherer.lead_out(solver, &scene);
-    let watch = Watch { duration, substeps: settings.substeps, fall: f64::from(*fall) };
-    gatherer.add_contacts(solver, &scene, watch);
     diagnostics.bodies = moved.len();
-    diagnostics.gathering += start.stop();
-    let start = StageWatch::start("solve");
-    let threads = scene.threads();
-    solver.begin();
-    let mut solved = solver.advance(threads, duration, &settings, &mut |solver, substep| {
-        gatherer.add_pushed(solver, &scene, watch, substep)
-    });
-    scene.motions.push(&solver.rigid_bodies);
-    for _ in 0..MOST_MISSED {
-        if !gatherer.add_missed(solver, &scene) {
-            break;
-        }
-        solver.begin_again();
-        solved = solver.advance(threads, duration, &settings, &mut |_, _| false);
-        scene.motions.push(&solver.rigid_bodies);
-        diagnostics.solved_again += 1;
-    }
-    diagnostics.contacts = solver.contacts.len();
-    diagnostics.solving += start.stop();
-    let start = StageWatch::start("guard");
-    solver.follow_welds();
-    let mut met = guard.begin(&solver.particles, &scene, gatherer);
-    let mut solved_again = Solved::default();
-    let mut solutions = 1;
+    let watch = Watch { duration, substeps: settings.substeps, fall: f64::from(*fall) };
     let most = if parts > 1 { MOST_SOLUTIONS_OF_PART } else { MOST_SOLUTIONS };
-    while met > 0 && solutions < most {
-        let mut is_any_new = false;
-        for meeting in guard.found(&solver.particles) {
-            is_any_new |= gatherer.add_impact(solver, &scene, &meeting);
-        }
-        if !is_any_new {
-            break;
-        }
-        solutions += 1;
-        solver.begin_again();
-        solved_again = solver.advance(threads, duration, &settings, &mut |_, _| false);
-        scene.motions.push(&solver.rigid_bodies);
-        solver.follow_welds();
-        met = guard.look_again(&solver.particles, &scene, gatherer);
+    let (threads, is_large) = (scene.threads(), solver.particles.len() >= LEAST_SHARED || guard::is_large(&scene));
+    let (scene, diagnostics, gathering) = (&mut scene, &mut *diagnostics, Some(start));
+    let mut part = Part { settings, watch, most, gathering, scene, solver, gatherer, guard, diagnostics };
+    if is_large {
+        threads.with_team(&mut |team| part.run(team));
+    } else {
+        part.run(&Sequential);
     }
-    let solved = if solutions > 1 { solved_again } else { solved };
-    solver.react(duration / f64::from(settings.substeps), &mut gatherer.reactions);
-    diagnostics.solved_again += solutions - 1;
-    diagnostics.contact_solves += solved.contact_solves;
-    diagnostics.pressing = solved.pressing;
-    gatherer.end();
-    let Solver { particles, rigid_bodies, .. } = solver;
-    let guarded = guard.stop((particles, rigid_bodies), &scene, duration, gatherer);
-    scene.motions.keep_pushed(rigid_bodies);
-    diagnostics.impacts += guarded.impacts;
-    diagnostics.vertices_stopped += guarded.stopped;
-    diagnostics.impacts_remaining += guarded.remaining;
-    diagnostics.jammed.extend(guarded.jammed);
-    diagnostics.guarding += start.stop();
+}
+
+/// One part of the tick whose bodies have been gathered.
+struct Part<'a, 'w, 's> {
+    settings: XpbdSettings,
+    watch: Watch,
+    /// The most solutions.
+    most: usize,
+    /// Measures how long gathering takes.
+    gathering: Option<StageWatch>,
+    scene: &'a mut Scene<'w, 's>,
+    solver: &'a mut Solver,
+    gatherer: &'a mut Gatherer,
+    guard: &'a mut Guard,
+    diagnostics: &'a mut XpbdDiagnostics,
+}
+
+impl Part<'_, '_, '_> {
+    fn run(&mut self, team: &dyn Team) {
+        self.gather_contacts(team);
+        let solved = self.solve(team);
+        self.guard(team, solved);
+    }
+
+    fn gather_contacts(&mut self, team: &dyn Team) {
+        let Self { watch, scene, solver, gatherer, diagnostics, gathering, .. } = self;
+        solver.contacts.begin(&solver.particles);
+        diagnostics.inside = gatherer.lead_out(solver, scene);
+        gatherer.add_contacts(team, solver, scene, *watch);
+        diagnostics.gathering += gathering.take().map_or(Duration::ZERO, StageWatch::stop);
+    }
+
+    fn solve(&mut self, team: &dyn Team) -> Solved {
+        let Self { settings, watch, scene, solver, gatherer, diagnostics, .. } = self;
+        let start = StageWatch::start("solve");
+        solver.begin();
+        let mut solved = solver.advance(team, watch.duration, settings, &mut |solver, substep| {
+            gatherer.add_pushed(solver, scene, *watch, substep)
+        });
+        scene.motions.push(&solver.rigid_bodies);
+        for _ in 0..MOST_MISSED {
+            if !gatherer.add_missed(solver, scene) {
+                break;
+            }
+            solver.begin_again();
+            solved = solver.advance(team, watch.duration, settings, &mut |_, _| false);
+            scene.motions.push(&solver.rigid_bodies);
+            diagnostics.solved_again += 1;
+        }
+        diagnostics.contacts = solver.contacts.len();
+        diagnostics.solving += start.stop();
+        solved
+    }
+
+    /// Looks for what passes through something, solves again with what it finds, and stops what remains.
+    fn guard(&mut self, team: &dyn Team, mut solved: Solved) {
+        let &mut Self { ref settings, watch: Watch { duration, .. }, most, .. } = self;
+        let Self { scene, solver, gatherer, guard, diagnostics, .. } = self;
+        let start = StageWatch::start("guard");
+        solver.follow_welds();
+        let mut met = guard.begin(team, &solver.particles, scene, gatherer);
+        let mut solutions = 1;
+        while met > 0 && solutions < most {
+            let mut is_any_new = false;
+            for meeting in guard.found(&solver.particles) {
+                is_any_new |= gatherer.add_impact(solver, scene, &meeting);
+            }
+            if !is_any_new {
+                break;
+            }
+            solutions += 1;
+            solver.begin_again();
+            solved = solver.advance(team, duration, settings, &mut |_, _| false);
+            scene.motions.push(&solver.rigid_bodies);
+            solver.follow_welds();
+            met = guard.look_again(team, &solver.particles, scene, gatherer);
+        }
+        solver.react(duration / f64::from(settings.substeps), &mut gatherer.reactions);
+        diagnostics.solved_again += solutions - 1;
+        diagnostics.contact_solves += solved.contact_solves;
+        diagnostics.pressing = solved.pressing;
+        gatherer.end();
+        let Solver { particles, rigid_bodies, .. } = &mut **solver;
+        let guarded = guard.stop(team, (particles, rigid_bodies), scene, duration, gatherer);
+        scene.motions.keep_pushed(rigid_bodies);
+        diagnostics.impacts += guarded.impacts;
+        diagnostics.vertices_stopped += guarded.stopped;
+        diagnostics.impacts_remaining += guarded.remaining;
+        diagnostics.jammed.extend(guarded.jammed);
+        diagnostics.guarding += start.stop();
+    }
 }
 
 /// Writes positions and velocities to the bodies. A body with a vertex out of the computable range is not written: it

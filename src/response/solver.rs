@@ -17,20 +17,14 @@ use super::{
     contact::SolverContacts, material::XpbdMaterial, particles::Particles, reaction::Reactions, rest::RestShape,
     settings::XpbdSettings,
 };
-use crate::{
-    detection::Threads,
-    kernel::{
-        mesh::topology::SurfaceTopology,
-        simd::parallel::{Sequential, Team, share},
-        xpbd::{
-            Air, Attachments, Elasticity, Evaluation, Hinges, MovingRows, ParticleRows, RigidBodies, Sails, Slabs,
-            Springs, Starts, Tethered, Tethers, Tetrahedra, Volumes,
-        },
+use crate::kernel::{
+    mesh::topology::SurfaceTopology,
+    simd::parallel::{Team, share},
+    xpbd::{
+        Air, Attachments, Elasticity, Evaluation, Hinges, MovingRows, ParticleRows, RigidBodies, Sails, Slabs, Springs,
+        Starts, Tethered, Tethers, Tetrahedra, Volumes,
     },
 };
-
-/// With fewer particles than this, more than one thread does not pay off.
-const LEAST_SHARED: usize = 1024;
 
 /// How often tetrahedra in slabs and those between slabs take turns to be kept upright: what moves one flattens the other.
 const MOST_ROUNDS: usize = 8;
@@ -346,21 +340,6 @@ impl Solver {
     /// Advances all particles by `duration` seconds, which must be more than 0. `add_contacts` may add contacts before
     /// every substep but the first. The result is the same for any number of threads.
     pub(super) fn advance(
-        &mut self,
-        threads: Threads,
-        duration: f64,
-        settings: &XpbdSettings,
-        add_contacts: AddContacts<'_>,
-    ) -> Solved {
-        if self.particles.len() < LEAST_SHARED {
-            return self.advance_on(&Sequential, duration, settings, add_contacts);
-        }
-        let mut solved = Solved::default();
-        threads.with_team(&mut |team| solved = self.advance_on(team, duration, settings, add_contacts));
-        solved
-    }
-
-    fn advance_on(
         &mut self,
         team: &dyn Team,
         duration: f64,

@@ -347,7 +347,7 @@ impl<'a> Traversal<'a> {
         append_ranges(
             self.leaves.leaf_count(),
             self.leaves_at_once(threads),
-            threads,
+            &Threads(threads),
             &Buffers::default(),
             &mut dropped,
             |part, dropped| {
@@ -395,7 +395,7 @@ fn pair_surface(
 ) -> Option<usize> {
     let traversal = Traversal::new(active, pair, settings, [&states[pair.first], &states[second]], moved)?;
     let (leaf_count, at_once) = (traversal.leaves.leaf_count(), traversal.leaves_at_once(threads));
-    let found = append_ranges(leaf_count, at_once, threads, spare, &mut pair.triangles, |part, pairs| {
+    let found = append_ranges(leaf_count, at_once, &Threads(threads), spare, &mut pair.triangles, |part, pairs| {
         traversal.append(part, traversal.cull.as_ref(), pairs)
     });
     if traversal.is_reversed {

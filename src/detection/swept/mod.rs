@@ -23,7 +23,10 @@ use self::{
     mover::{Mover, Plane},
     path::{Frame, Path, SweptPositions},
 };
-use super::state::{SurfaceState, SurfaceStates};
+use super::{
+    parallel::Threads,
+    state::{SurfaceState, SurfaceStates},
+};
 use crate::{
     diagnostics::{DetectionDiagnostics, StageWatch},
     kernel::{
@@ -329,7 +332,7 @@ impl SweptBuffers {
         let (a, b) = if is_first_main { (main_side, other_side) } else { (other_side, main_side) };
         let sweep = Sweep { a, b, same_surface: is_self, list: ImpactList::Triangles, separation };
         let filter = PairFilter::between(&first.filter, &second.filter, is_self, game);
-        cost.candidates += self.sweeping.run(&sweep, filter.as_ref(), threads, &mut self.impacts);
+        cost.candidates += self.sweeping.run(&sweep, filter.as_ref(), &Threads(threads), &mut self.impacts);
         if self.impacts.is_empty() {
             return;
         }

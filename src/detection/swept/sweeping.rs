@@ -1,8 +1,11 @@
 //! A sweep of two meshes, distributed over threads.
 
 use crate::{
-    detection::parallel::{Buffers, Threads, append_ranges},
-    kernel::ccd::{PairImpact, SWEEP_PART, Sweep, SweepLeaves, sort_impacts},
+    detection::parallel::{Buffers, append_ranges},
+    kernel::{
+        ccd::{PairImpact, SWEEP_PART, Sweep, SweepLeaves, sort_impacts},
+        simd::parallel::Parallel,
+    },
     surface::PairFilter,
 };
 
@@ -21,17 +24,17 @@ impl Sweeping {
         &mut self,
         sweep: &Sweep<'_>,
         filter: Option<&PairFilter<'_>>,
-        threads: usize,
+        parallel: &impl Parallel,
         impacts: &mut Vec<PairImpact>,
     ) -> usize {
         impacts.clear();
         let Self { leaves, candidates, spare } = self;
-        sweep.collect(&Threads(threads), leaves);
+        sweep.collect(parallel, leaves);
         let leaves = &*leaves;
         let work = |part, impacts: &mut Vec<PairImpact>| {
             candidates.with(|candidates| sweep.append_part(leaves, part, candidates, impacts))
         };
-        let count = append_ranges(leaves.len(), SWEEP_PART, threads, spare, impacts, work);
+        let count = append_ranges(leaves.len(), SWEEP_PART, parallel, spare, impacts, work);
         sort_impacts(impacts);
         if let Some(filter) = filter {
             impacts.retain(|impact| filter.allows([impact.triangle_a, impact.triangle_b]));

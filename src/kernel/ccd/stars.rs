@@ -29,8 +29,11 @@ use crate::kernel::{
 /// Smallest altitude of a triangle in a plain star, relative to the longest edge at the vertex: far above rounding.
 const LEAST_ALTITUDE: f64 = 1.0e-9;
 
-/// Fans per task: another thread does not pay off for fewer.
-const PART: usize = 512;
+/// Fans per task.
+const PART: usize = 128;
+
+/// With fewer fans than this, waking another thread does not pay off.
+const LEAST_SHARE: usize = 512;
 
 /// For each vertex, whether its star is plain during a step.
 #[derive(Clone, Debug, Default)]
@@ -75,7 +78,7 @@ impl PlainStars {
         let count = fans.len().div_ceil(PART);
         stars.resize_with(count, Star::default);
         let parts = are_plain.chunks_mut(PART).zip(&mut *stars).enumerate();
-        parallel.run_tasks(parts, count, |(part, (are_plain, star))| {
+        parallel.run_tasks(parts, fans.len() / LEAST_SHARE, |(part, (are_plain, star))| {
             for (fan, is_plain) in (part * PART..).zip(are_plain) {
                 let (range, is_closed) = fans.fan(fan);
                 if fans.slots()[range.clone()].iter().any(|slot| is_asked(slot.triangle)) {

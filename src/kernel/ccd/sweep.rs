@@ -23,11 +23,14 @@ use crate::kernel::{
         bounds::{Aabb, pairs_between_brute_force},
         topology::{SurfaceTopology, share_corner},
     },
-    simd::parallel::{Parallel, Sequential},
+    simd::parallel::{LEAST_SHARE, Parallel, Sequential},
 };
 
 /// Leaves of eight triangles whose pairs are found and tested at a time. Limits how many candidates wait.
 pub const SWEEP_PART: usize = 4;
+
+/// Leaves of a side that are looked at in one task, before it is cut into leaves of its own.
+const LEAVES_OF_PART: usize = 128;
 
 /// A convex solid with more triangles than a part can have is queried, so that all its pairs with a triangle are tested
 /// together.
@@ -121,6 +124,8 @@ pub struct Sweep<'a> {
 #[derive(Clone, Debug, Default)]
 pub struct SweepLeaves {
     items: Vec<(u32, Aabb)>,
+    /// The items of parts of the side. Only used while they are collected.
+    parts: Vec<Vec<(u32, Aabb)>>,
     leaves: BoxTree,
     /// For one surface that is swept against itself: which of its triangles are in the leaves.
     has: Vec<bool>,
@@ -198,23 +203,34 @@ impl Sweep<'_> {
         }
         let farther = self.way_of_frame().length();
         let way = self.box_of_way();
-        let mut add = |triangle: u32| {
+        let SweepLeaves { items, parts, has, .. } = &mut *leaves;
+        let needed = |triangle: u32| {
             let bounds = self.grown_box(triangle, &way);
             let is_needed = if self.same_surface {
-                leaves.has[triangle as usize]
+                has[triangle as usize]
             } else {
                 bounds.overlaps(if own.is_fast(triangle, farther) { other.bounds() } else { other.fast_bounds() })
                     && (own.is_asked(triangle) || bounds.overlaps(other.asked_bounds()))
             };
-            if is_needed {
-                leaves.items.push((triangle, bounds));
-            }
+            is_needed.then_some((triangle, bounds))
         };
         // In the order of the tree, the triangles of a leaf are near each other.
-        match own.tree() {
-            Some(tree) => (0..tree.leaf_count()).flat_map(|leaf| tree.leaf_items(leaf)).for_each(|&item| add(item)),
-            None => (0..own.boxes().len() as u32).for_each(add),
-        }
+        let count = own.boxes().len();
+        let leaf_count = own.tree().map_or(count.div_ceil(LEAF_WIDTH), BoxTree::leaf_count);
+        parts.resize_with(leaf_count.div_ceil(LEAVES_OF_PART), Vec::new);
+        parallel.run_tasks(parts.iter_mut().enumerate(), count / LEAST_SHARE, |(part, found)| {
+            found.clear();
+            let first = part * LEAVES_OF_PART;
+            for leaf in first..(first + LEAVES_OF_PART).min(leaf_count) {
+                if let Some(tree) = own.tree() {
+                    found.extend(tree.leaf_items(leaf).iter().filter_map(|&item| needed(item)));
+                } else {
+                    let next = count.min((leaf + 1) * LEAF_WIDTH);
+                    found.extend(((leaf * LEAF_WIDTH) as u32..next as u32).filter_map(needed));
+                }
+            }
+        });
+        items.extend(parts.iter().flatten());
         leaves.leaves.collect_leaves(&leaves.items);
         if self.same_surface && !leaves.items.is_empty() {
             let SweepLeaves { leaves, has, stars, around, triangles: [triangles, of_tree], .. } = leaves;

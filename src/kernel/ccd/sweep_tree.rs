@@ -9,10 +9,17 @@
 use glam::{DVec3, Vec3, Vec3A};
 
 use super::sweep::SweptMesh;
-use crate::kernel::{bvh::tree::BoxTree, mesh::bounds::Aabb};
+use crate::kernel::{
+    bvh::tree::BoxTree,
+    mesh::bounds::Aabb,
+    simd::parallel::{LEAST_SHARE, Parallel, Sequential},
+};
 
 /// A tree is rebuilt once its boxes have grown by this factor, relative to the whole.
 const REBUILD_DECAY: f32 = 1.5;
+
+/// Vertices or triangles per task.
+const PART: usize = 1024;
 
 /// What [`SweepTree::update_tree`] did.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -51,6 +58,8 @@ pub struct SweepTree {
     is_whole: bool,
     /// What each vertex sweeps. Only used while boxes are updated.
     vertices: Vec<SweptVertex>,
+    /// What parts of the triangles sweep. Likewise.
+    parts: Vec<SweptPart>,
 }
 
 /// How far a triangle may move without being fast.
@@ -69,7 +78,7 @@ impl Default for Reaches {
 }
 
 /// What a vertex sweeps relative to the drift of its mesh: a box that is rounded outward, and the square of its way.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 struct SweptVertex {
     low: Vec3A,
     high: Vec3A,
@@ -88,6 +97,44 @@ impl SweptVertex {
     }
 }
 
+/// What consecutive triangles sweep.
+#[derive(Clone, Copy, Debug)]
+struct SweptPart {
+    bounds: Aabb,
+    /// Whether a box is different from before.
+    is_changed: bool,
+    is_finite: bool,
+}
+
+impl Default for SweptPart {
+    /// No triangles.
+    fn default() -> Self {
+        Self { bounds: Aabb::EMPTY, is_changed: false, is_finite: true }
+    }
+}
+
+impl SweptPart {
+    /// Updates the boxes and the ways of triangles.
+    fn update(vertices: &[SweptVertex], triangles: &[[u32; 3]], boxes: &mut [Aabb], ways: &mut [f64]) -> Self {
+        let mut all = Self::default();
+        for (corners, (kept, way)) in triangles.iter().zip(boxes.iter_mut().zip(ways)) {
+            let [a, b, c] = corners.map(|corner| &vertices[corner as usize]);
+            let is_finite = !(a.squared + b.squared + c.squared).is_nan();
+            let swept = if is_finite {
+                Aabb { min: a.low.min(b.low).min(c.low).into(), max: a.high.max(b.high).max(c.high).into() }
+            } else {
+                Aabb::EMPTY
+            };
+            all.is_changed |= swept != *kept;
+            all.is_finite &= is_finite;
+            all.bounds = all.bounds.union(&swept);
+            *kept = swept;
+            *way = if is_finite { a.squared.max(b.squared).max(c.squared).sqrt() } else { f64::NAN };
+        }
+        all
+    }
+}
+
 impl SweepTree {
     /// Updates the boxes, and which triangles are fast. All triangles are asked about. Does not change the tree:
     /// [`update_tree`](Self::update_tree) does.
@@ -98,7 +145,7 @@ impl SweepTree {
     /// If the mesh has fewer positions than its triangles name.
     pub fn update(&mut self, mesh: &SweptMesh<'_>) {
         self.reaches = Reaches::One(mesh.reach);
-        self.update_boxes(mesh);
+        self.update_boxes(&Sequential, mesh);
         self.ask_all();
     }
 
@@ -113,7 +160,15 @@ impl SweepTree {
     /// # Panics
     /// If the mesh has fewer positions than its triangles name, or the numbers of reaches and triangles differ.
     pub fn update_with_reaches(&mut self, mesh: &SweptMesh<'_>, reaches: &[f64]) {
-        self.update_boxes(mesh);
+        self.update_with_reaches_on(&Sequential, mesh, reaches);
+    }
+
+    /// Like [`update_with_reaches`](Self::update_with_reaches), in tasks that `parallel` may distribute.
+    ///
+    /// # Panics
+    /// Likewise.
+    pub fn update_with_reaches_on(&mut self, parallel: &impl Parallel, mesh: &SweptMesh<'_>, reaches: &[f64]) {
+        self.update_boxes(parallel, mesh);
         self.update_reaches(reaches);
     }
 
@@ -133,12 +188,17 @@ impl SweepTree {
         self.ask_all();
     }
 
-    fn update_boxes(&mut self, mesh: &SweptMesh<'_>) {
-        let Self { drift, boxes, ways, bounds, vertices, has_tree, is_whole, .. } = self;
+    fn update_boxes(&mut self, parallel: &impl Parallel, mesh: &SweptMesh<'_>) {
+        let Self { drift, boxes, ways, bounds, vertices, has_tree, is_whole, parts, .. } = self;
         *drift = mesh.drift;
-        vertices.clear();
-        let ends = mesh.start.iter().zip(mesh.end);
-        vertices.extend(ends.map(|(&start, &end)| SweptVertex::new(start + mesh.drift, end)));
+        let vertex_count = mesh.start.len().min(mesh.end.len());
+        vertices.resize(vertex_count, SweptVertex::default());
+        let ends = mesh.start.chunks(PART).zip(mesh.end.chunks(PART)).zip(vertices.chunks_mut(PART));
+        parallel.run_tasks(ends, vertex_count / LEAST_SHARE, |((starts, ends), vertices)| {
+            for ((&start, &end), vertex) in starts.iter().zip(ends).zip(vertices) {
+                *vertex = SweptVertex::new(start + mesh.drift, end);
+            }
+        });
         let is_one = |(vertex, &weld): (usize, &u32)| {
             [mesh.start, mesh.end].into_iter().all(|positions| positions[vertex] == positions[weld as usize])
         };
@@ -146,22 +206,16 @@ impl SweepTree {
         let triangles = mesh.topology.triangles();
         *has_tree &= boxes.len() == triangles.len();
         boxes.resize(triangles.len(), Aabb::EMPTY);
-        ways.clear();
-        *bounds = Aabb::EMPTY;
-        for (corners, kept) in triangles.iter().zip(boxes) {
-            let [a, b, c] = corners.map(|corner| &vertices[corner as usize]);
-            let is_finite = !(a.squared + b.squared + c.squared).is_nan();
-            let swept = if is_finite {
-                Aabb { min: a.low.min(b.low).min(c.low).into(), max: a.high.max(b.high).max(c.high).into() }
-            } else {
-                Aabb::EMPTY
-            };
-            *has_tree &= swept == *kept;
-            *is_whole &= is_finite;
-            *kept = swept;
-            *bounds = bounds.union(&swept);
-            ways.push(if is_finite { a.squared.max(b.squared).max(c.squared).sqrt() } else { f64::NAN });
-        }
+        ways.resize(triangles.len(), 0.0);
+        parts.clear();
+        parts.resize(triangles.len().div_ceil(PART), SweptPart::default());
+        let tasks = triangles.chunks(PART).zip(boxes.chunks_mut(PART).zip(ways.chunks_mut(PART))).zip(&mut *parts);
+        parallel.run_tasks(tasks, triangles.len() / LEAST_SHARE, |((triangles, (boxes, ways)), part)| {
+            *part = SweptPart::update(vertices, triangles, boxes, ways);
+        });
+        *bounds = parts.iter().fold(Aabb::EMPTY, |all, part| all.union(&part.bounds));
+        *has_tree &= parts.iter().all(|part| !part.is_changed);
+        *is_whole &= parts.iter().all(|part| part.is_finite);
     }
 
     fn ask_all(&mut self) {
@@ -193,12 +247,17 @@ impl SweepTree {
     /// Updates the tree to the boxes. Keeps it if none has changed, refits it otherwise, and builds it if there is none
     /// or it has decayed.
     pub fn update_tree(&mut self) -> TreeWork {
+        self.update_tree_on(&Sequential)
+    }
+
+    /// Like [`update_tree`](Self::update_tree), in tasks that `parallel` may distribute.
+    pub fn update_tree_on(&mut self, parallel: &impl Parallel) -> TreeWork {
         if self.has_tree {
             return TreeWork::Kept;
         }
         self.has_tree = true;
         if self.tree.len() == self.boxes.len() {
-            self.tree.refit(&self.boxes);
+            self.tree.refit_on(parallel, &self.boxes);
             if self.tree.decay() <= REBUILD_DECAY {
                 return TreeWork::Refitted;
             }

@@ -14,7 +14,12 @@ pub(in crate::kernel) const LEAST_SHARE: usize = 8192;
 
 /// Runs tasks in any order on any thread. All of them finish before the call returns.
 pub trait Parallel {
-    /// Calls `work` with every task. More than `count` threads do not pay off.
+    /// The largest number of threads that may work at the same time, the calling one included. By default, any number.
+    fn threads(&self) -> usize {
+        usize::MAX
+    }
+
+    /// Calls `work` with every task. More than `count` threads do not pay off if they have to be woken for it.
     fn run_tasks<P: Send>(&self, tasks: impl Iterator<Item = P> + Send, count: usize, work: impl Fn(P) + Sync);
 }
 
@@ -73,11 +78,35 @@ pub fn share_all<T: Send, const N: usize>(team: &dyn Team, lists: [&mut [T]; N],
     });
 }
 
+/// The threads of a team take one task after the other. They are awake, so that all of them pay off.
+impl Parallel for &(dyn Team + '_) {
+    fn threads(&self) -> usize {
+        self.size()
+    }
+
+    fn run_tasks<P: Send>(&self, tasks: impl Iterator<Item = P> + Send, _: usize, work: impl Fn(P) + Sync) {
+        if self.size() <= 1 {
+            return tasks.for_each(work);
+        }
+        let tasks = Mutex::new(tasks);
+        let next = || tasks.lock().unwrap_or_else(PoisonError::into_inner).next();
+        self.run(&|_| {
+            while let Some(task) = next() {
+                work(task);
+            }
+        });
+    }
+}
+
 /// Runs one task after the other on the calling thread.
 #[derive(Clone, Copy, Debug)]
 pub struct Sequential;
 
 impl Parallel for Sequential {
+    fn threads(&self) -> usize {
+        1
+    }
+
     fn run_tasks<P: Send>(&self, tasks: impl Iterator<Item = P> + Send, _: usize, work: impl Fn(P) + Sync) {
         tasks.for_each(work);
     }

@@ -5,7 +5,11 @@ use glam::DVec3;
 use super::{Gatherer, Side};
 use crate::{
     contacts::StoredPair,
-    kernel::{contact::CompactContact, mesh::topology::SurfaceTopology, simd::parallel::Parallel},
+    kernel::{
+        contact::CompactContact,
+        mesh::topology::SurfaceTopology,
+        simd::parallel::{Parallel, Team},
+    },
     response::{particles::Particles, record::weights_of, scene::Scene, solver::Solver},
 };
 
@@ -92,6 +96,7 @@ impl Gatherer {
     /// Whether each contact of a pair may act in the tick.
     pub(super) fn watch(
         &mut self,
+        team: &dyn Team,
         scene: &Scene<'_, '_>,
         pair: &StoredPair,
         sides: [Side<'_>; 2],
@@ -102,7 +107,7 @@ impl Gatherer {
         may_act.resize(pair.contacts.len(), false);
         let parts = pair.contacts.chunks(PART).zip(may_act.chunks_mut(PART));
         let of = |particle: usize| [DVec3::ZERO, self.ahead[particle].as_dvec3()];
-        scene.threads().run_tasks(parts, pair.contacts.len().div_ceil(PART), |(records, may_act)| {
+        team.run_tasks(parts, pair.contacts.len().div_ceil(PART), |(records, may_act)| {
             for (record, may_act) in records.iter().zip(may_act) {
                 *may_act = watch.may_act(pair, record, ways(scene, pair, sides, record, 0.0, of), 0.0);
             }

@@ -13,16 +13,23 @@ use crate::{
     kernel::{
         exact::rigid_shape::{ShapeGeometry, boundary_topology},
         mesh::topology::SurfaceTopology,
-        simd::parallel::Parallel,
+        simd::parallel::{Parallel, Sequential, Team},
     },
     response::{particles::Particles, scene::Scene},
     surface::{ActiveShape, FilterSide},
 };
 
+/// Whether more than one thread pays off for the meshes of a tick.
+pub(in crate::response) fn is_large(scene: &Scene<'_, '_>) -> bool {
+    let moving = scene.active.surfaces.iter().filter(|surface| scene.motions.course(surface.entity).is_some());
+    scene.is_any_swept() && moving.map(|surface| surface.topology.triangles().len()).sum::<usize>() >= LEAST_SHARE
+}
+
 impl Guard {
     /// Collects the meshes of this tick, and the pairs that are close enough to collide.
     pub(super) fn gather(
         &mut self,
+        team: &dyn Team,
         particles: &Particles,
         scene: &Scene<'_, '_>,
         first: impl Fn(Entity) -> Option<usize>,
@@ -68,15 +75,23 @@ impl Guard {
             self.gather_shape(particles, scene, shape);
         }
         self.reach(scene);
-        let triangles = self.meshes.iter().map(|mesh| mesh.topology.triangles().len()).sum::<usize>();
-        self.threads.run_tasks(self.meshes.iter_mut(), triangles / LEAST_SHARE, |mesh: &mut Mesh| {
+        self.follow_all(team, particles);
+        self.pair_meshes(scene);
+    }
+
+    /// Brings the trees of all meshes up to date.
+    fn follow_all(&mut self, team: &dyn Team, particles: &Particles) {
+        let follow = |mesh: &mut Mesh, parallel: &dyn Team| {
             if mesh.stale {
-                mesh.follow_ways(particles);
+                mesh.follow_ways(&parallel, particles);
             } else {
                 mesh.tree.update_reaches(&mesh.reaches);
             }
-        });
-        self.pair_meshes(scene);
+        };
+        let is_large = |mesh: &&mut Mesh| mesh.topology.triangles().len() >= LEAST_SHARE;
+        let small = self.meshes.iter_mut().filter(|mesh| !is_large(mesh));
+        team.run_tasks(small, usize::MAX, |mesh| follow(mesh, &Sequential));
+        self.meshes.iter_mut().filter(is_large).for_each(|mesh| follow(mesh, team));
     }
 
     fn gather_shape(&mut self, particles: &Particles, scene: &Scene<'_, '_>, shape: &ActiveShape) {

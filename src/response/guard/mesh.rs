@@ -12,6 +12,7 @@ use crate::{
         exact::rigid_shape::{ShapeGeometry, boundary_triangle},
         mesh::{feature::Feature, topology::SurfaceTopology},
         pose::Pose,
+        simd::parallel::Parallel,
     },
     response::{
         gather::Gatherer,
@@ -139,11 +140,12 @@ impl Mesh {
     }
 
     /// Updates the tree to the trajectories.
-    pub(super) fn follow_ways(&mut self, particles: &Particles) {
+    pub(super) fn follow_ways(&mut self, parallel: &impl Parallel, particles: &Particles) {
         let mut tree = std::mem::take(&mut self.tree);
         let swept = self.swept(particles);
-        tree.update_with_reaches(&SweptMesh { drift: drift(swept.start, swept.end), ..swept }, &self.reaches);
-        tree.update_tree();
+        let swept = SweptMesh { drift: drift(swept.start, swept.end), ..swept };
+        tree.update_with_reaches_on(parallel, &swept, &self.reaches);
+        tree.update_tree_on(parallel);
         self.tree = tree;
         self.stale = false;
     }

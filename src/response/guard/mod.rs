@@ -18,6 +18,7 @@ use bevy_ecs::{entity::EntityHashMap, prelude::*};
 use bevy_platform::collections::HashMap;
 use glam::DVec3;
 
+pub(super) use self::gather::is_large;
 use self::{
     impacts::{deeper, is_met, keep_first},
     mesh::{Kept, Mesh, MeshName, MeshPair},
@@ -26,12 +27,13 @@ use self::{
 };
 use super::{gather::Gatherer, meeting::MeetingTriangles, particles::Particles, scene::Scene};
 use crate::{
-    detection::{Sweeping, Threads},
+    detection::Sweeping,
     kernel::{
         bvh::tree::BoxTree,
         ccd::{ImpactCause, ImpactList, PairImpact, Sweep},
         exact::triangle_pair::PairProximity,
         mesh::bounds::Aabb,
+        simd::parallel::Team,
         xpbd::RigidBodies,
     },
     surface::{ContactFilter, PairFilter},
@@ -42,7 +44,7 @@ use crate::{
 const PROJECTIONS: usize = 12;
 const LAST_ROUNDS: usize = 12;
 
-/// With fewer triangles than this, another thread does not pay off.
+/// With fewer triangles than this in a mesh, or in all that move, more than one thread does not pay off.
 const LEAST_SHARE: usize = 4096;
 
 /// Terminates a list of particles.
@@ -96,7 +98,6 @@ pub(super) struct Guard {
     /// Impacts along the current trajectories.
     found: Vec<(MeshPair, PairImpact)>,
     sweeping: Sweeping,
-    threads: Threads,
     scratch: PairProximity,
     filter: Option<ContactFilter>,
     /// Whether the tick is not solved again: what remains is stopped.
@@ -106,24 +107,35 @@ pub(super) struct Guard {
 
 impl Guard {
     /// Sweeps everything from the beginning of the tick to the solved positions. Returns the number of impacts.
-    pub(super) fn begin(&mut self, particles: &Particles, scene: &Scene<'_, '_>, gatherer: &Gatherer) -> usize {
+    pub(super) fn begin(
+        &mut self,
+        team: &dyn Team,
+        particles: &Particles,
+        scene: &Scene<'_, '_>,
+        gatherer: &Gatherer,
+    ) -> usize {
         self.tick += 1;
-        self.threads = scene.threads();
         self.filter = scene.filter.as_deref().cloned();
         self.pairs.clear();
         self.found.clear();
         self.jammed.clear();
         self.is_solved = false;
         if scene.is_any_swept() {
-            self.gather(particles, scene, |entity| gatherer.first_particle(entity));
-            self.find(particles, gatherer, |_| true);
+            self.gather(team, particles, scene, |entity| gatherer.first_particle(entity));
+            self.find(team, particles, gatherer, |_| true);
         }
         self.solved.clone_from(&particles.position);
         self.found.len()
     }
 
     /// Sweeps again after the tick was solved again. Returns the number of impacts.
-    pub(super) fn look_again(&mut self, particles: &Particles, scene: &Scene<'_, '_>, gatherer: &Gatherer) -> usize {
+    pub(super) fn look_again(
+        &mut self,
+        team: &dyn Team,
+        particles: &Particles,
+        scene: &Scene<'_, '_>,
+        gatherer: &Gatherer,
+    ) -> usize {
         let Self { meshes, solved, found, .. } = self;
         for mesh in &mut *meshes {
             let Some(first) = mesh.first else {
@@ -131,7 +143,7 @@ impl Guard {
                     && let Some(end) = &course.pushed
                 {
                     mesh.obstacle.end_at([&course.now.pose, end]);
-                    mesh.follow_ways(particles);
+                    mesh.follow_ways(&team, particles);
                     mesh.stale = true;
                 }
                 continue;
@@ -139,14 +151,14 @@ impl Guard {
             let own = first..first + mesh.topology.vertex_count();
             // A body without new impacts has the same solved positions as before.
             if particles.position[own.clone()] != solved[own] {
-                mesh.follow_ways(particles);
+                mesh.follow_ways(&team, particles);
                 mesh.stale = true;
             }
         }
         found.retain(|(pair, _)| pair.places.into_iter().all(|place| !meshes[place].stale));
         self.solved.clone_from(&particles.position);
         self.pair_again(scene);
-        self.find(particles, gatherer, |mesh| mesh.stale);
+        self.find(team, particles, gatherer, |mesh| mesh.stale);
         self.meshes.iter_mut().for_each(|mesh| mesh.stale = false);
         self.found.len()
     }
@@ -160,10 +172,10 @@ impl Guard {
 
     /// Finds the impacts of meshes that have changed. A mesh that was pushed may reach others that it was not near
     /// before.
-    fn find_again(&mut self, particles: &Particles, scene: &Scene<'_, '_>, gatherer: &Gatherer) {
+    fn find_again(&mut self, team: &dyn Team, particles: &Particles, scene: &Scene<'_, '_>, gatherer: &Gatherer) {
         self.pair_again(scene);
         self.found.clear();
-        self.find(particles, gatherer, |mesh| mesh.stale);
+        self.find(team, particles, gatherer, |mesh| mesh.stale);
     }
 
     /// The impacts found last.
@@ -184,9 +196,8 @@ impl Guard {
     }
 
     /// Appends the impacts of pairs with at least one mesh for which `requested` returns true.
-    fn find(&mut self, particles: &Particles, gatherer: &Gatherer, requested: impl Fn(&Mesh) -> bool) {
-        let Self { meshes, pairs, found, impacts, sweeping, threads, jammed, scratch, filter: game, is_solved, .. } =
-            self;
+    fn find(&mut self, team: &dyn Team, particles: &Particles, gatherer: &Gatherer, requested: impl Fn(&Mesh) -> bool) {
+        let Self { meshes, pairs, found, impacts, sweeping, jammed, scratch, filter: game, is_solved, .. } = self;
         for pair in &*pairs {
             let MeshPair { places: [a, b], separation, clearance, .. } = *pair;
             let separation = if *is_solved { separation } else { clearance };
@@ -206,7 +217,7 @@ impl Guard {
                 None => ImpactList::Features,
             };
             let sweep = Sweep { a: sides.0, b: sides.1, same_surface: a == b, list, separation };
-            sweeping.run(&sweep, filter.as_ref(), threads.0, impacts);
+            sweeping.run(&sweep, filter.as_ref(), &team, impacts);
             let before = found.len();
             let is_leaving = |found: &PairImpact| {
                 let (features, ways) = (found.impact.features, (particles, gatherer));
@@ -235,6 +246,7 @@ impl Guard {
     /// Stops everything that would still pass through something, in a part of the tick that lasts `duration` seconds.
     pub(super) fn stop(
         &mut self,
+        team: &dyn Team,
         (particles, bodies): (&mut Particles, &mut RigidBodies),
         scene: &Scene<'_, '_>,
         duration: f64,
@@ -244,12 +256,12 @@ impl Guard {
         self.is_solved = true;
         if !self.found.is_empty() {
             self.found.clear();
-            self.find(particles, gatherer, |_| true);
+            self.find(team, particles, gatherer, |_| true);
         }
         let jammed = self.jammed.iter().map(|&place| self.meshes[place].name.entity).collect();
         let mut guarded = Guarded { impacts: self.found.len(), jammed, ..Guarded::default() };
         if !self.found.is_empty() {
-            self.run((particles, bodies), scene, duration, gatherer, &mut guarded);
+            self.run(team, (particles, bodies), scene, duration, gatherer, &mut guarded);
         }
         let Self { kept, meshes, tick, .. } = self;
         for Mesh { name, obstacle, reaches, tree, .. } in meshes.drain(..) {
@@ -261,6 +273,7 @@ impl Guard {
 
     fn run(
         &mut self,
+        team: &dyn Team,
         (particles, bodies): (&mut Particles, &mut RigidBodies),
         scene: &Scene<'_, '_>,
         duration: f64,
@@ -277,8 +290,8 @@ impl Guard {
             changed.clear();
             changed.resize(particles.len(), false);
             planes.project(particles, changed);
-            self.follow(particles);
-            self.find_again(particles, scene, gatherer);
+            self.follow(team, particles);
+            self.find_again(team, particles, scene, gatherer);
             if self.found.is_empty() {
                 break;
             }
@@ -287,13 +300,14 @@ impl Guard {
         let is_elsewhere = |(solved, position): &(&DVec3, &DVec3)| solved != position;
         guarded.stopped += self.solved.iter().zip(&particles.position).filter(is_elsewhere).count();
         if !self.found.is_empty() {
-            self.hold(particles, scene, duration, gatherer, guarded);
+            self.hold(team, particles, scene, duration, gatherer, guarded);
         }
     }
 
     /// Stops impacts that projection did not resolve.
     fn hold(
         &mut self,
+        team: &dyn Team,
         particles: &mut Particles,
         scene: &Scene<'_, '_>,
         duration: f64,
@@ -308,7 +322,7 @@ impl Guard {
         self.zones.extend(0..particles.len() as u32);
         for round in 0..MOST_ROUNDS + LAST_ROUNDS {
             if round > 0 {
-                self.find_again(particles, scene, gatherer);
+                self.find_again(team, particles, scene, gatherer);
             }
             let mut is_clear = true;
             self.refused.clear();
@@ -340,7 +354,7 @@ impl Guard {
                 let start = particles.start[particle];
                 particles.position[particle] = start + way_of(self.carried[particle], start);
             }
-            self.follow(particles);
+            self.follow(team, particles);
         }
         for particle in (0..particles.len()).filter(|&particle| self.stopped[particle]) {
             guarded.stopped += 1;
@@ -350,7 +364,7 @@ impl Guard {
     }
 
     /// Updates welded vertices and trees after particles have changed.
-    fn follow(&mut self, particles: &mut Particles) {
+    fn follow(&mut self, team: &dyn Team, particles: &mut Particles) {
         let Self { meshes, changed, .. } = self;
         for mesh in meshes {
             let Some(first) = mesh.first else {
@@ -365,7 +379,7 @@ impl Guard {
             }
             mesh.stale = (first..first + mesh.topology.vertex_count()).any(|particle| changed[particle]);
             if mesh.stale {
-                mesh.follow_ways(particles);
+                mesh.follow_ways(&team, particles);
                 mesh.stale = true;
             }
             // Unchanged triangles have been tested already.

@@ -7,7 +7,7 @@ use crate::{
     detection::{
         broad_phase::tree::{MovedLeaves, Traversal},
         pairs::{CandidateTrianglePairs, OtherSide, SurfacePair},
-        parallel::{Buffers, append_parts},
+        parallel::{Buffers, Threads, append_parts},
         reuse::{
             DetectionMemory,
             near_lists::{KeptList, KeptPairs, ListUse},
@@ -63,7 +63,7 @@ pub(super) fn make_list(
     append_parts(
         traversal.leaves.leaf_count(),
         traversal.leaves_at_once(threads),
-        threads,
+        &Threads(threads),
         spare,
         &mut list.pairs,
         |part, pairs| {
