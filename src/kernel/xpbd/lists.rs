@@ -11,7 +11,7 @@ use super::{
 };
 
 /// The number of contacts that are colored together.
-const BATCH: usize = 1024;
+const BATCH: usize = 2048;
 
 /// The number of kinds of contacts, and of those between features, which come first.
 const KINDS: usize = 8;
