@@ -3,20 +3,25 @@
 //! All vertices of bodies are particles in world space. Of other objects, only the vertices that contacts touch are.
 //! Contacts are taken in the order of the store.
 
+mod constraint;
 mod driven;
 mod internal_edges;
 mod tangled;
 mod watch;
+mod wave;
 
 use std::sync::Arc;
 
-use arrayvec::ArrayVec;
 use bevy_ecs::{entity::EntityHashMap, prelude::*};
 use bevy_platform::collections::{HashMap, HashSet};
 use glam::{DVec3, Vec3};
 
 pub(super) use self::watch::Watch;
-use self::{driven::Driven, watch::Unwatched};
+use self::{
+    driven::Driven,
+    watch::Unwatched,
+    wave::{Choice, Wave},
+};
 use super::{
     anchors::Anchors,
     body::XpbdBody,
@@ -27,7 +32,7 @@ use super::{
     motion::Motions,
     particles::Particles,
     reaction::{NO_REACTION, Reactions},
-    record::{MoveBack, completed, detected_sum, edges_of, face_of, flat, untangling, weighted},
+    record::{edges_of, face_of, weighted},
     scene::Scene,
     solver::{Solver, SolverBody},
 };
@@ -35,11 +40,7 @@ use crate::{
     contacts::StoredPair,
     kernel::{
         contact::CompactContact,
-        mesh::{
-            feature::{Feature, FeatureKind},
-            ids::VertexId,
-            topology::SurfaceTopology,
-        },
+        mesh::{feature::Feature, ids::VertexId, topology::SurfaceTopology},
         pose::Pose,
         simd::parallel::Team,
         xpbd::coloring::NONE,
@@ -57,8 +58,7 @@ pub(super) struct Gatherer {
     known: HashSet<Features4>,
     /// How far each particle would move in the tick if nothing pushed it, for contacts of bodies.
     ahead: Vec<Vec3>,
-    /// Whether each contact of the current pair may act.
-    may_act: Vec<bool>,
+    wave: Wave,
     /// Whether each of those particles has been pushed.
     pushed: Vec<bool>,
     /// The contacts that are not watched.
@@ -83,6 +83,14 @@ enum Side<'a> {
     Body { first: usize, topology: &'a SurfaceTopology },
     Driven { entity: Entity, topology: &'a SurfaceTopology },
     Shape { entity: Entity },
+}
+
+/// A pair, as the solver sees it.
+#[derive(Clone, Copy)]
+struct Between<'a> {
+    pair: &'a StoredPair,
+    sides: [Side<'a>; 2],
+    friction: [f64; 2],
 }
 
 impl<'a> Side<'a> {
@@ -196,42 +204,60 @@ impl Gatherer {
             if !sides.iter().any(|side| matches!(side, Side::Body { .. })) {
                 continue;
             }
-            let friction = scene.friction(pair.a.entity(), pair.b.entity());
             self.find_tangled(&mut solver.particles, scene, pair);
-            let may_act = self.watch(team, scene, pair, sides, watch);
-            for ((place, record), &may_act) in (0..).zip(pair.contacts.iter()).zip(&may_act) {
-                if may_act {
-                    self.add_contact(solver, scene, pair, sides, record, friction);
-                } else {
-                    let particles = [(sides[0], record.triangle_a), (sides[1], record.triangle_b)];
-                    let particles = particles.map(|(side, triangle)| side.particles(triangle));
-                    self.unwatched.push(Unwatched { pair: pair_place, place, particles });
+            let between = Between { pair, sides, friction: scene.friction(pair.a.entity(), pair.b.entity()) };
+            let mut wave = std::mem::take(&mut self.wave);
+            let mut place = 0;
+            for records in pair.contacts.chunks(Wave::SIZE) {
+                wave.fill(self, team, (&solver.particles, scene), &between, records, watch);
+                for (record, choice) in records.iter().zip(wave.choices()) {
+                    match choice {
+                        Choice::Unwatched => {
+                            let particles = [(sides[0], record.triangle_a), (sides[1], record.triangle_b)];
+                            let particles = particles.map(|(side, triangle)| side.particles(triangle));
+                            self.unwatched.push(Unwatched { pair: pair_place, place, particles });
+                        }
+                        Choice::Watched => self.add_contact(solver, scene, &between, record),
+                        Choice::Dropped => {}
+                        Choice::Made(constraint) => self.add_constraint(solver, scene, pair, record, constraint),
+                    }
+                    place += 1;
                 }
             }
-            self.may_act = may_act;
+            self.wave = wave;
         }
     }
 
-    /// Makes a constraint of a contact, unless there is one of the same features. A vertex beyond the rim of a face is
-    /// close to several of its features, and the records all give the same feature pair.
+    /// Makes a constraint of a contact, unless there is one of the same features.
     fn add_contact(
         &mut self,
         solver: &mut Solver,
         scene: &Scene<'_, '_>,
-        pair: &StoredPair,
-        sides: [Side<'_>; 2],
+        between: &Between<'_>,
         record: &CompactContact,
-        friction: [f64; 2],
     ) {
-        let constraint = self.constraint(&mut solver.particles, scene, pair, sides, record, friction);
-        let Some(mut constraint) = constraint else { return };
+        if let Some(mut constraint) = self.constraint(&mut solver.particles, scene, between, record) {
+            self.add_constraint(solver, scene, between.pair, record, &mut constraint);
+        }
+    }
+
+    /// Adds the constraint of a contact, unless there is one of the same features. A vertex beyond the rim of a face is
+    /// close to several of its features, and the records all give the same feature pair.
+    fn add_constraint(
+        &mut self,
+        solver: &mut Solver,
+        scene: &Scene<'_, '_>,
+        pair: &StoredPair,
+        record: &CompactContact,
+        constraint: &mut ContactConstraint,
+    ) {
         if !self.is_new(&constraint.parts) {
             return;
         }
         let entities = [pair.a.entity(), pair.b.entity()];
         let point = || pair.frame_pose.transform_point(record.point_b.as_dvec3());
-        self.ask_reaction(&mut constraint, scene, entities, point, solver);
-        solver.contacts.push(&constraint, &solver.particles);
+        self.ask_reaction(constraint, scene, entities, point, solver);
+        solver.contacts.push(constraint, &solver.particles);
     }
 
     /// Asks for the impulse of a contact between two entities at a point, if one of them is not a body and wants it.
@@ -373,109 +399,4 @@ impl Gatherer {
             Side::Shape { .. } => None,
         }
     }
-
-    fn constraint(
-        &mut self,
-        particles: &mut Particles,
-        scene: &Scene<'_, '_>,
-        pair: &StoredPair,
-        [side_a, side_b]: [Side<'_>; 2],
-        record: &CompactContact,
-        friction: [f64; 2],
-    ) -> Option<ContactConstraint> {
-        let distance = f64::from(pair.contact_distance_at(record));
-        // The first side is pushed against the normal.
-        let normal = -pair.frame_pose.transform_direction(record.normal.as_dvec3()).normalize_or_zero();
-        if normal == DVec3::ZERO {
-            return None;
-        }
-        let [triangle_a, triangle_b] = self.triangles_below(particles, scene, pair, [side_a, side_b], record);
-        let a = self.corners(particles, scene, &side_a, &pair.poses[0], triangle_a)?;
-        let b = self.corners(particles, scene, &side_b, &pair.poses[1], triangle_b);
-        // A body that is depenetrated moves in one direction as a whole. Its own contacts with the solid would pull
-        // against it.
-        let is_leaving = |corners: [u32; 3], other: ContactSide| {
-            corners.iter().any(|&corner| self.insides.is_leaving(other.entity(), corner))
-        };
-        let goes_back = self.back.is_some() && record.features.kind() == FeatureKind::EdgeFace;
-        if !goes_back && (is_leaving(a, pair.b) || b.is_some_and(|b| is_leaving(b, pair.a))) {
-            return None;
-        }
-        // A triangle that crosses the boundary keeps only its vertex contacts: its vertices may still rest on the
-        // boundary.
-        let crosses = |side: ContactSide, other: ContactSide, triangle: u32, feature: Feature| {
-            !matches!(feature, Feature::Vertex(_)) && self.is_crossing(side.entity(), other.entity(), triangle)
-        };
-        let is_crossing = record.features.kind() == FeatureKind::EdgeFace;
-        if !is_crossing
-            && (crosses(pair.a, pair.b, record.triangle_a, record.features.a)
-                || b.is_some() && crosses(pair.b, pair.a, record.triangle_b, record.features.b))
-        {
-            return None;
-        }
-        let Some(b) = b else {
-            let Side::Shape { entity } = side_b else { return None };
-            let shape = (entity, self.rigid_body(entity));
-            return Some(against_shape(scene, particles, pair, record, (a, shape, normal), friction));
-        };
-        let has_inside = pair.one_sided.contains(&true);
-        // A pair that the guard kept apart has not passed through, even if a rotation brought it to the other side of
-        // the normal.
-        let is_apart = pair.nearest > 0.0 && [pair.a, pair.b].iter().any(|side| scene.is_swept(side.entity()));
-        let is_wrong_side = record.distance < 0.0 && !has_inside && is_apart;
-        let normal = if is_wrong_side { -normal } else { normal };
-        let penetrated = record.distance < 0.0 && !is_wrong_side;
-        let (features, normal) = match (record.features.a, record.features.b) {
-            // Between patches, which the particles do not know: what detection found holds for the tick.
-            _ if pair.is_smooth && !is_crossing => (flat(particles, record, [a, b], normal, distance), normal),
-            (Feature::Vertex(corner), Feature::Face) => (face_of(a[corner as usize], b), normal),
-            (Feature::Face, Feature::Vertex(corner)) => (face_of(b[corner as usize], a), -normal),
-            (Feature::Edge(edge_a), Feature::Edge(edge_b)) => (edges_of(a, edge_a, b, edge_b), normal),
-            (Feature::Vertex(corner), _) if !penetrated => (face_of(a[corner as usize], b), normal),
-            (_, Feature::Vertex(corner)) if !penetrated => (face_of(b[corner as usize], a), -normal),
-            (Feature::Edge(_), Feature::Face) | (Feature::Face, Feature::Edge(_)) => {
-                let firsts = [pair.a, pair.b].map(|side| self.first_particle(side.entity()));
-                return if has_inside && pair.a != pair.b {
-                    None
-                } else {
-                    let move_back =
-                        self.back.map_or_else(|| MoveBack::Edge { crowd: self.crowd([a, b]) }, MoveBack::Part);
-                    untangling(particles, pair, record, [a, b], firsts, move_back)
-                };
-            }
-            _ => (flat(particles, record, [a, b], normal, distance), normal),
-        };
-        // Next to a crossing, a contact would hold features on the wrong side.
-        let is_tangled = |corners: [u32; 3]| corners.iter().any(|corner| self.tangled.contains_key(corner));
-        if !penetrated && is_tangled(a) && is_tangled(b) {
-            return None;
-        }
-        Some(ContactConstraint { parts: features, normal, distance, friction, reaction: NO_REACTION, recovers: false })
-    }
-}
-
-/// A contact with a rigid shape. The contact point on the shape moves with the shape.
-fn against_shape(
-    scene: &Scene<'_, '_>,
-    particles: &mut Particles,
-    pair: &StoredPair,
-    record: &CompactContact,
-    (corners, (shape, body), normal): ([u32; 3], (Entity, Option<u32>), DVec3),
-    friction: [f64; 2],
-) -> ContactConstraint {
-    let now = pair.poses[1];
-    let start = pair.frame_pose.transform_point(record.point_b.as_dvec3());
-    let ahead = scene.motions.course(shape).map(|course| course.ahead.pose);
-    let end = ahead.map_or(start, |ahead| ahead.transform_point(now.inverse().transform_point(start)));
-    let place = particles.len() as u32;
-    particles.push_on_body(body, [start, end]);
-    let weights = completed(record.features.a, record.barycentric_a);
-    let mut entries: ArrayVec<(u32, f64), 6> = ArrayVec::new();
-    entries.extend(corners.into_iter().zip(weights).filter(|&(_, weight)| weight != 0.0));
-    entries.push((place, -1.0));
-    let distance = f64::from(pair.contact_distance_at(record));
-    let separation = f64::from(record.distance) - distance;
-    let offset = separation - normal.dot(detected_sum(particles, &entries));
-    let features = Features::Plane { particles: entries, offset };
-    ContactConstraint { parts: features, normal, distance, friction, reaction: NO_REACTION, recovers: false }
 }

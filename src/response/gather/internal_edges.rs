@@ -7,9 +7,8 @@
 use glam::{DVec3, Vec3};
 use parry3d::{query::PointQuery, shape::Triangle};
 
-use super::{Gatherer, Side};
+use super::{Between, Gatherer, Side};
 use crate::{
-    contacts::StoredPair,
     kernel::{
         contact::CompactContact,
         mesh::{
@@ -48,8 +47,7 @@ impl Gatherer {
         &self,
         particles: &Particles,
         scene: &Scene<'_, '_>,
-        pair: &StoredPair,
-        sides: [Side<'_>; 2],
+        &Between { pair, sides, .. }: &Between<'_>,
         record: &CompactContact,
     ) -> [u32; 2] {
         let [a, b] = [record.triangle_a, record.triangle_b];

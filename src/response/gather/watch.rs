@@ -2,14 +2,10 @@
 
 use glam::DVec3;
 
-use super::{Gatherer, Side};
+use super::{Between, Gatherer, Side};
 use crate::{
     contacts::StoredPair,
-    kernel::{
-        contact::CompactContact,
-        mesh::topology::SurfaceTopology,
-        simd::parallel::{Parallel, Team},
-    },
+    kernel::{contact::CompactContact, mesh::topology::SurfaceTopology},
     response::{particles::Particles, record::weights_of, scene::Scene, solver::Solver},
 };
 
@@ -35,9 +31,6 @@ const SHALLOW: f64 = 0.75;
 /// Depth, in contact distances, at which a contact that was not watched has to be.
 const MISSED: f64 = 0.25;
 
-/// Contacts per task: another thread does not pay off for fewer.
-const PART: usize = 2048;
-
 /// The tick for which contacts are chosen.
 #[derive(Clone, Copy, Debug)]
 pub(in crate::response) struct Watch {
@@ -56,12 +49,15 @@ impl Watch {
         (near * contact_distance).max(fall - SHALLOW * contact_distance)
     }
 
+    /// How far a contact is from acting at the beginning of the tick, less what it may be then and is still watched.
+    fn left(self, pair: &StoredPair, record: &CompactContact) -> f64 {
+        let contact_distance = f64::from(pair.contact_distance_at(record));
+        f64::from(record.distance) - contact_distance - Self::slack(self.fall, contact_distance, pair.is_smooth)
+    }
+
     /// Whether a contact may act in the rest of the tick, when `share` of it has passed.
     fn may_act(self, pair: &StoredPair, record: &CompactContact, ways: Ways, share: f64) -> bool {
-        let contact_distance = f64::from(pair.contact_distance_at(record));
-        let separation = f64::from(record.distance) - contact_distance - ways.closed(pair, record);
-        let left = separation - Self::slack(self.fall, contact_distance, pair.is_smooth);
-        left <= HASTE * (1.0 - share) * ways.ahead.length()
+        self.left(pair, record) - ways.closed(pair, record) <= HASTE * (1.0 - share) * ways.ahead.length()
     }
 }
 
@@ -93,26 +89,17 @@ impl Ways {
 }
 
 impl Gatherer {
-    /// Whether each contact of a pair may act in the tick.
-    pub(super) fn watch(
-        &mut self,
-        team: &dyn Team,
+    /// Whether a contact may act in the tick.
+    pub(super) fn may_act(
+        &self,
         scene: &Scene<'_, '_>,
-        pair: &StoredPair,
-        sides: [Side<'_>; 2],
+        &Between { pair, sides, .. }: &Between<'_>,
+        record: &CompactContact,
         watch: Watch,
-    ) -> Vec<bool> {
-        let mut may_act = std::mem::take(&mut self.may_act);
-        may_act.clear();
-        may_act.resize(pair.contacts.len(), false);
-        let parts = pair.contacts.chunks(PART).zip(may_act.chunks_mut(PART));
+    ) -> bool {
         let of = |particle: usize| [DVec3::ZERO, self.ahead[particle].as_dvec3()];
-        team.run_tasks(parts, pair.contacts.len().div_ceil(PART), |(records, may_act)| {
-            for (record, may_act) in records.iter().zip(may_act) {
-                *may_act = watch.may_act(pair, record, ways(scene, pair, sides, record, 0.0, of), 0.0);
-            }
-        });
-        may_act
+        // What is as near acts whatever its way.
+        watch.left(pair, record) <= 0.0 || watch.may_act(pair, record, ways(scene, pair, sides, record, 0.0, of), 0.0)
     }
 
     /// Notes how far every particle would move in the tick if nothing pushed it.
@@ -235,7 +222,7 @@ impl Gatherer {
                 self.find_tangled(&mut solver.particles, scene, pair);
             }
             let friction = scene.friction(pair.a.entity(), pair.b.entity());
-            self.add_contact(solver, scene, pair, sides, record, friction);
+            self.add_contact(solver, scene, &Between { pair, sides, friction }, record);
             false
         });
         self.unwatched = unwatched;

@@ -1,0 +1,96 @@
+//! Constraints of many contacts at a time: which contacts may act, and what becomes of them, on all threads.
+
+use super::{Between, Gatherer, Side, Watch};
+use crate::{
+    kernel::{
+        contact::CompactContact,
+        simd::parallel::{Parallel, Team},
+    },
+    response::{contact::ContactConstraint, particles::Particles, scene::Scene},
+};
+
+/// Contacts per task, and the number of tasks. What they make stays in the cache until it is taken over.
+const PART: usize = 512;
+const PARTS: usize = 8;
+
+/// Consecutive contacts of a pair.
+#[derive(Default)]
+pub(super) struct Wave {
+    parts: [Part; PARTS],
+}
+
+#[derive(Default)]
+struct Part {
+    fates: Vec<Fate>,
+    made: Vec<ContactConstraint>,
+}
+
+#[derive(Clone, Copy)]
+enum Fate {
+    Unwatched,
+    Watched,
+    Dropped,
+    /// The next of what was made.
+    Made,
+}
+
+/// What becomes of a contact.
+pub(super) enum Choice<'a> {
+    /// It cannot act in the tick.
+    Unwatched,
+    /// It may act, and its constraint may add particles.
+    Watched,
+    /// It may act, and makes no constraint.
+    Dropped,
+    /// It may act.
+    Made(&'a mut ContactConstraint),
+}
+
+impl Wave {
+    /// The most contacts.
+    pub(super) const SIZE: usize = PART * PARTS;
+
+    /// Chooses for each contact, and makes constraints between bodies, whose particles exist already.
+    pub(super) fn fill(
+        &mut self,
+        gatherer: &Gatherer,
+        team: &dyn Team,
+        (particles, scene): (&Particles, &Scene<'_, '_>),
+        between: &Between<'_>,
+        contacts: &[CompactContact],
+        watch: Watch,
+    ) {
+        self.parts.iter_mut().for_each(|part| part.fates.clear());
+        let [a, b] = between.sides;
+        let are_bodies = between.sides.iter().all(|side| matches!(side, Side::Body { .. }));
+        team.run_tasks(contacts.chunks(PART).zip(&mut self.parts), PARTS, |(contacts, Part { fates, made })| {
+            made.clear();
+            fates.extend(contacts.iter().map(|contact| {
+                if !gatherer.may_act(scene, between, contact, watch) {
+                    return Fate::Unwatched;
+                }
+                if !are_bodies {
+                    return Fate::Watched;
+                }
+                let [triangle_a, triangle_b] = gatherer.triangles_below(particles, scene, between, contact);
+                let corners = [a.particles(triangle_a), b.particles(triangle_b)];
+                let before = made.len();
+                made.extend(gatherer.between(particles, scene, between, contact, corners));
+                if made.len() > before { Fate::Made } else { Fate::Dropped }
+            }));
+        });
+    }
+
+    /// What becomes of each contact, in their order.
+    pub(super) fn choices(&mut self) -> impl Iterator<Item = Choice<'_>> {
+        self.parts.iter_mut().flat_map(|Part { fates, made }| {
+            let mut made = made.iter_mut();
+            fates.iter().map(move |fate| match fate {
+                Fate::Unwatched => Choice::Unwatched,
+                Fate::Watched => Choice::Watched,
+                Fate::Made => made.next().map_or(Choice::Dropped, Choice::Made),
+                Fate::Dropped => Choice::Dropped,
+            })
+        })
+    }
+}
