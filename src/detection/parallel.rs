@@ -1,4 +1,4 @@
-//! Distributes lists over Bevy's compute task pool. Results are in the order of the list, for any number of threads.
+//! Distributes lists over Bevy's compute task pool, or over a team of its threads. Results are in the order of the list, for any number of threads.
 
 use std::{
     ops::Range,

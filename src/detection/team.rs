@@ -1,8 +1,8 @@
-//! A team of threads for many jobs of microseconds, one after the other.
+//! A team of threads for many jobs, one after the other. Most of them take microseconds.
 //!
 //! A task of Bevy's pool costs as much as such a job. So the threads are taken from the pool once, wait actively for one
-//! job after the other, and are given back at the end. The caller never waits for a thread that has not begun: if the
-//! pool is busy, it does all of the work itself.
+//! job after the other, and are given back at the end: until then, the pool is without them. The caller never waits for a
+//! thread that has not begun: if the pool is busy, it does all of the work itself.
 
 #![expect(unsafe_code, reason = "a job is borrowed for shorter than its threads live")]
 
@@ -10,7 +10,7 @@ use std::{
     cell::UnsafeCell,
     hint,
     panic::{AssertUnwindSafe, catch_unwind, resume_unwind},
-    sync::atomic::{AtomicU32, AtomicUsize, Ordering},
+    sync::atomic::{AtomicBool, AtomicU32, AtomicUsize, Ordering},
     thread,
 };
 
@@ -33,6 +33,8 @@ struct SpinningTeam {
     left: AtomicU32,
     /// The number of parts that others than the leader have finished.
     finished: AtomicUsize,
+    /// Whether one of them has panicked.
+    is_broken: AtomicBool,
     /// The job. Written by the leader while no part of a job is left.
     work: UnsafeCell<Option<*const Work<'static>>>,
 }
@@ -42,11 +44,14 @@ struct SpinningTeam {
 unsafe impl Sync for SpinningTeam {}
 
 /// Counts a part as finished, even if it panics. Otherwise the leader would wait forever.
-struct Part<'a>(&'a AtomicUsize);
+struct Part<'a>(&'a SpinningTeam);
 
 impl Drop for Part<'_> {
     fn drop(&mut self) {
-        self.0.fetch_add(1, Ordering::Release);
+        if thread::panicking() {
+            self.0.is_broken.store(true, Ordering::Relaxed);
+        }
+        self.0.finished.fetch_add(1, Ordering::Release);
     }
 }
 
@@ -79,7 +84,13 @@ fn rest(waited: &mut u32) {
 
 impl SpinningTeam {
     const fn new(size: usize) -> Self {
-        Self { size, left: AtomicU32::new(0), finished: AtomicUsize::new(0), work: UnsafeCell::new(None) }
+        Self {
+            size,
+            left: AtomicU32::new(0),
+            finished: AtomicUsize::new(0),
+            is_broken: AtomicBool::new(false),
+            work: UnsafeCell::new(None),
+        }
     }
 
     /// Begins a part of the job. Returns `false` if it is not left.
@@ -97,7 +108,7 @@ impl SpinningTeam {
                 continue;
             }
             waited = 0;
-            let _finished = Part(&self.finished);
+            let _finished = Part(self);
             // SAFETY: this part is not finished, so the leader waits, and the job is not changed and still borrowed.
             if let Some(work) = unsafe { (*self.work.get()).map(|work| &*work) } {
                 work(part);
@@ -128,11 +139,15 @@ impl Team for SpinningTeam {
                 work(part);
             }
         }
+        drop(wait);
+        // What is missing in the results must not be used.
+        assert!(!self.is_broken.load(Ordering::Relaxed), "another thread of the team has panicked");
     }
 }
 
 impl Threads {
-    /// Calls `work` with as many threads as are allowed and pay off for jobs of microseconds.
+    /// Calls `work` with as many threads as are allowed and pay off for jobs of microseconds. Nothing in it may wait for
+    /// tasks of the pool: the calling thread could take up a part of this team meanwhile, which ends only with the team.
     pub(crate) fn with_team(self, work: &mut dyn FnMut(&dyn Team)) {
         let size = self.most().min(MOST_IN_TEAM);
         if size <= 1 {

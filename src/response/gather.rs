@@ -20,7 +20,7 @@ pub(super) use self::watch::Watch;
 use self::{
     driven::Driven,
     watch::Unwatched,
-    wave::{Choice, Wave},
+    wave::{Fate, Wave},
 };
 use super::{
     anchors::Anchors,
@@ -210,16 +210,16 @@ impl Gatherer {
             let mut place = 0;
             for records in pair.contacts.chunks(Wave::SIZE) {
                 wave.fill(self, team, (&solver.particles, scene), &between, records, watch);
-                for (record, choice) in records.iter().zip(wave.choices()) {
-                    match choice {
-                        Choice::Unwatched => {
+                for (record, (fate, made)) in records.iter().zip(wave.fates()) {
+                    match (fate, made) {
+                        (Fate::Unwatched, _) => {
                             let particles = [(sides[0], record.triangle_a), (sides[1], record.triangle_b)];
                             let particles = particles.map(|(side, triangle)| side.particles(triangle));
                             self.unwatched.push(Unwatched { pair: pair_place, place, particles });
                         }
-                        Choice::Watched => self.add_contact(solver, scene, &between, record),
-                        Choice::Dropped => {}
-                        Choice::Made(constraint) => self.add_constraint(solver, scene, pair, record, constraint),
+                        (Fate::Later, _) => self.add_contact(solver, scene, &between, record),
+                        (Fate::Made, Some(made)) => self.add_constraint(solver, scene, pair, record, made),
+                        (Fate::Made | Fate::Dropped, _) => {}
                     }
                     place += 1;
                 }

@@ -263,6 +263,8 @@ fn respond(
     refused.clear();
     refused.extend(diagnostics.refused.iter().map(|&(entity, _)| entity));
     diagnostics.bodies = moved.len();
+    solver.contacts.begin(&solver.particles);
+    diagnostics.inside = gatherer.lead_out(solver, &scene);
     let watch = Watch { duration, substeps: settings.substeps, fall: f64::from(*fall) };
     let most = if parts > 1 { MOST_SOLUTIONS_OF_PART } else { MOST_SOLUTIONS };
     let (threads, is_large) = (scene.threads(), solver.particles.len() >= LEAST_SHARED || guard::is_large(&scene));
@@ -299,8 +301,6 @@ impl Part<'_, '_, '_> {
 
     fn gather_contacts(&mut self, team: &dyn Team) {
         let Self { watch, scene, solver, gatherer, diagnostics, gathering, .. } = self;
-        solver.contacts.begin(&solver.particles);
-        diagnostics.inside = gatherer.lead_out(solver, scene);
         gatherer.add_contacts(team, solver, scene, *watch);
         diagnostics.gathering += gathering.take().map_or(Duration::ZERO, StageWatch::stop);
     }

@@ -67,6 +67,29 @@ fn fallen(threads: usize) -> (Vec<[u32; 3]>, usize) {
     (at.concat().into_iter().chain(pushed).map(|at: Vec3| at.to_array().map(f32::to_bits)).collect(), pressing)
 }
 
+/// Two cloths of more triangles than one thread is left to, which lie upon each other and are thrown against a ball, with
+/// the guard. Returns what else was counted: the most contacts that the solver watched, and how often it solved again.
+fn thrown(threads: usize) -> (Vec<[u32; 3]>, [usize; 2]) {
+    let mut scene = Scene::new();
+    scene.app.world_mut().resource_mut::<CircumsphereSettings>().threads = threads;
+    let thickness = SurfaceThickness::World(0.003);
+    scene.add_obstacle(&icosphere(3, 0.3), thickness);
+    let cloths = [0.0, 0.0062].map(|height| {
+        let cloth = grid(50, 50, 1.0, 1.0, Diagonals::Alternating).rotate([0.0, 1.0, 0.0], 30.0 * height);
+        let cloth = cloth.translate([0.05, 0.35 + height, 0.0]);
+        let falling = |body: XpbdBody| body.moving(Vec3::new(0.0, -8.0, 0.0));
+        scene.add_changed(&cloth, XpbdMaterial::CLOTH, falling, (thickness, SelfCollision, SweptCollision))
+    });
+    let mut most = [0; 2];
+    for _ in 0..12 {
+        scene.run(1);
+        let diagnostics = scene.diagnostics();
+        most = [most[0].max(diagnostics.contacts), most[1] + diagnostics.solved_again];
+    }
+    let at = cloths.map(|body| scene.positions(body).to_vec());
+    (at.concat().into_iter().map(|at: Vec3| at.to_array().map(f32::to_bits)).collect(), most)
+}
+
 #[test]
 fn a_solution_is_the_same_to_the_last_bit_for_any_number_of_threads() {
     let pool = ComputeTaskPool::get_or_init(|| TaskPoolBuilder::new().num_threads(POOL_THREADS).build());
@@ -75,5 +98,10 @@ fn a_solution_is_the_same_to_the_last_bit_for_any_number_of_threads() {
     assert!(pressing > 500, "only {pressing} contacts press");
     for threads in [2, 3, 0] {
         assert!(fallen(threads).0 == alone, "{threads} threads");
+    }
+    let (alone, [contacts, again]) = thrown(1);
+    assert!(contacts > 10_000 && again > 0, "{contacts} contacts, solved again {again} times");
+    for threads in [2, 3, 0] {
+        assert!(thrown(threads).0 == alone, "thrown, on {threads} threads");
     }
 }

@@ -33,7 +33,7 @@ const LEAST_ALTITUDE: f64 = 1.0e-9;
 const PART: usize = 128;
 
 /// With fewer fans than this, waking another thread does not pay off.
-const LEAST_SHARE: usize = 512;
+const LEAST_FANS: usize = 512;
 
 /// For each vertex, whether its star is plain during a step.
 #[derive(Clone, Debug, Default)]
@@ -76,9 +76,9 @@ impl PlainStars {
         are_plain.clear();
         are_plain.resize(fans.len(), false);
         let count = fans.len().div_ceil(PART);
-        stars.resize_with(count, Star::default);
+        stars.resize_with(stars.len().max(count), Star::default);
         let parts = are_plain.chunks_mut(PART).zip(&mut *stars).enumerate();
-        parallel.run_tasks(parts, fans.len() / LEAST_SHARE, |(part, (are_plain, star))| {
+        parallel.run_tasks(parts, fans.len() / LEAST_FANS, |(part, (are_plain, star))| {
             for (fan, is_plain) in (part * PART..).zip(are_plain) {
                 let (range, is_closed) = fans.fan(fan);
                 if fans.slots()[range.clone()].iter().any(|slot| is_asked(slot.triangle)) {

@@ -29,7 +29,7 @@ use crate::kernel::{
 /// Leaves of eight triangles whose pairs are found and tested at a time. Limits how many candidates wait.
 pub const SWEEP_PART: usize = 4;
 
-/// Leaves of a side that are looked at in one task, before it is cut into leaves of its own.
+/// Leaves of a side's tree, or as many triangles as they have, that are looked at in one task.
 const LEAVES_OF_PART: usize = 128;
 
 /// A convex solid with more triangles than a part can have is queried, so that all its pairs with a triangle are tested
@@ -217,7 +217,9 @@ impl Sweep<'_> {
         // In the order of the tree, the triangles of a leaf are near each other.
         let count = own.boxes().len();
         let leaf_count = own.tree().map_or(count.div_ceil(LEAF_WIDTH), BoxTree::leaf_count);
-        parts.resize_with(leaf_count.div_ceil(LEAVES_OF_PART), Vec::new);
+        let part_count = leaf_count.div_ceil(LEAVES_OF_PART);
+        parts.resize_with(parts.len().max(part_count), Vec::new);
+        let parts = &mut parts[..part_count];
         parallel.run_tasks(parts.iter_mut().enumerate(), count / LEAST_SHARE, |(part, found)| {
             found.clear();
             let first = part * LEAVES_OF_PART;

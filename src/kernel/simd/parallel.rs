@@ -23,7 +23,7 @@ pub trait Parallel {
     fn run_tasks<P: Send>(&self, tasks: impl Iterator<Item = P> + Send, count: usize, work: impl Fn(P) + Sync);
 }
 
-/// The most threads in a [`Team`]. Jobs of microseconds do not gain from more.
+/// The most threads in a [`Team`]. Jobs of microseconds do not gain from more, and others need threads, too.
 pub const MOST_IN_TEAM: usize = 8;
 
 /// Threads that do many short jobs together, one after the other.
@@ -78,14 +78,14 @@ pub fn share_all<T: Send, const N: usize>(team: &dyn Team, lists: [&mut [T]; N],
     });
 }
 
-/// The threads of a team take one task after the other. They are awake, so that all of them pay off.
+/// The threads of a team take one task after the other. They need not be woken, so all of them pay off.
 impl Parallel for &(dyn Team + '_) {
     fn threads(&self) -> usize {
         self.size()
     }
 
     fn run_tasks<P: Send>(&self, tasks: impl Iterator<Item = P> + Send, _: usize, work: impl Fn(P) + Sync) {
-        if self.size() <= 1 {
+        if self.size() <= 1 || tasks.size_hint().1.is_some_and(|most| most <= 1) {
             return tasks.for_each(work);
         }
         let tasks = Mutex::new(tasks);

@@ -31,13 +31,13 @@ impl Gatherer {
         record: &CompactContact,
     ) -> Option<ContactConstraint> {
         let &Between { pair, sides: [side, other], friction } = between;
+        let normal = normal_of(pair, record)?;
         let triangles = self.triangles_below(particles, scene, between, record);
         let corners = self.corners(particles, scene, &side, &pair.poses[0], triangles[0])?;
         let Side::Shape { entity } = other else {
             let others = self.corners(particles, scene, &other, &pair.poses[1], triangles[1])?;
-            return self.between(particles, scene, between, record, [corners, others]);
+            return self.surface_constraint(particles, scene, between, (record, normal), [corners, others]);
         };
-        let normal = normal_of(pair, record)?;
         let shape = (entity, self.rigid_body(entity));
         let is_held = !self.is_let_through(pair, record, corners, None);
         is_held.then(|| against_shape(scene, particles, pair, record, (corners, shape, normal), friction))
@@ -65,16 +65,15 @@ impl Gatherer {
                 || b.is_some() && crosses(pair.b, pair.a, record.triangle_b, record.features.b))
     }
 
-    /// The constraint of a contact between two triangles whose particles are given.
-    pub(super) fn between(
+    /// The constraint of a contact between two triangles of surfaces, whose particles are given, as is its direction.
+    pub(super) fn surface_constraint(
         &self,
         particles: &Particles,
         scene: &Scene<'_, '_>,
         &Between { pair, friction, .. }: &Between<'_>,
-        record: &CompactContact,
+        (record, normal): (&CompactContact, DVec3),
         [a, b]: [[u32; 3]; 2],
     ) -> Option<ContactConstraint> {
-        let normal = normal_of(pair, record)?;
         if self.is_let_through(pair, record, a, Some(b)) {
             return None;
         }
@@ -117,7 +116,7 @@ impl Gatherer {
 }
 
 /// The direction in which a contact pushes its first side. `None` if it has none.
-fn normal_of(pair: &StoredPair, record: &CompactContact) -> Option<DVec3> {
+pub(super) fn normal_of(pair: &StoredPair, record: &CompactContact) -> Option<DVec3> {
     let normal = -pair.frame_pose.transform_direction(record.normal.as_dvec3()).normalize_or_zero();
     (normal != DVec3::ZERO).then_some(normal)
 }

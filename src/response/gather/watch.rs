@@ -49,15 +49,16 @@ impl Watch {
         (near * contact_distance).max(fall - SHALLOW * contact_distance)
     }
 
-    /// How far a contact is from acting at the beginning of the tick, less what it may be then and is still watched.
-    fn left(self, pair: &StoredPair, record: &CompactContact) -> f64 {
+    /// How far a contact is from being watched whatever its way, after its sides have come together by `closed`.
+    fn left(self, pair: &StoredPair, record: &CompactContact, closed: f64) -> f64 {
         let contact_distance = f64::from(pair.contact_distance_at(record));
-        f64::from(record.distance) - contact_distance - Self::slack(self.fall, contact_distance, pair.is_smooth)
+        let separation = f64::from(record.distance) - contact_distance - closed;
+        separation - Self::slack(self.fall, contact_distance, pair.is_smooth)
     }
 
     /// Whether a contact may act in the rest of the tick, when `share` of it has passed.
     fn may_act(self, pair: &StoredPair, record: &CompactContact, ways: Ways, share: f64) -> bool {
-        self.left(pair, record) - ways.closed(pair, record) <= HASTE * (1.0 - share) * ways.ahead.length()
+        self.left(pair, record, ways.closed(pair, record)) <= HASTE * (1.0 - share) * ways.ahead.length()
     }
 }
 
@@ -98,8 +99,9 @@ impl Gatherer {
         watch: Watch,
     ) -> bool {
         let of = |particle: usize| [DVec3::ZERO, self.ahead[particle].as_dvec3()];
-        // What is as near acts whatever its way.
-        watch.left(pair, record) <= 0.0 || watch.may_act(pair, record, ways(scene, pair, sides, record, 0.0, of), 0.0)
+        // What is this near is watched, however it moves.
+        watch.left(pair, record, 0.0) <= 0.0
+            || watch.may_act(pair, record, ways(scene, pair, sides, record, 0.0, of), 0.0)
     }
 
     /// Notes how far every particle would move in the tick if nothing pushed it.

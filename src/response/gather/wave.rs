@@ -1,6 +1,6 @@
 //! Constraints of many contacts at a time: which contacts may act, and what becomes of them, on all threads.
 
-use super::{Between, Gatherer, Side, Watch};
+use super::{Between, Gatherer, Side, Watch, constraint::normal_of};
 use crate::{
     kernel::{
         contact::CompactContact,
@@ -9,8 +9,10 @@ use crate::{
     response::{contact::ContactConstraint, particles::Particles, scene::Scene},
 };
 
-/// Contacts per task, and the number of tasks. What they make stays in the cache until it is taken over.
+/// Contacts per task.
 const PART: usize = 512;
+
+/// The most tasks. What they make, up to 0.7 MB, mostly stays in the cache until it is taken over.
 const PARTS: usize = 8;
 
 /// Consecutive contacts of a pair.
@@ -25,25 +27,17 @@ struct Part {
     made: Vec<ContactConstraint>,
 }
 
-#[derive(Clone, Copy)]
-enum Fate {
-    Unwatched,
-    Watched,
-    Dropped,
-    /// The next of what was made.
-    Made,
-}
-
 /// What becomes of a contact.
-pub(super) enum Choice<'a> {
+#[derive(Clone, Copy)]
+pub(super) enum Fate {
     /// It cannot act in the tick.
     Unwatched,
-    /// It may act, and its constraint may add particles.
-    Watched,
-    /// It may act, and makes no constraint.
+    /// It may act, and its constraint may add particles, so the caller makes it.
+    Later,
+    /// It may act, and needs no constraint.
     Dropped,
-    /// It may act.
-    Made(&'a mut ContactConstraint),
+    /// It may act, and its constraint has been made.
+    Made,
 }
 
 impl Wave {
@@ -70,27 +64,23 @@ impl Wave {
                     return Fate::Unwatched;
                 }
                 if !are_bodies {
-                    return Fate::Watched;
+                    return Fate::Later;
                 }
+                let Some(normal) = normal_of(between.pair, contact) else { return Fate::Dropped };
                 let [triangle_a, triangle_b] = gatherer.triangles_below(particles, scene, between, contact);
                 let corners = [a.particles(triangle_a), b.particles(triangle_b)];
                 let before = made.len();
-                made.extend(gatherer.between(particles, scene, between, contact, corners));
+                made.extend(gatherer.surface_constraint(particles, scene, between, (contact, normal), corners));
                 if made.len() > before { Fate::Made } else { Fate::Dropped }
             }));
         });
     }
 
-    /// What becomes of each contact, in their order.
-    pub(super) fn choices(&mut self) -> impl Iterator<Item = Choice<'_>> {
+    /// What becomes of each contact, in their order, with its constraint if that has been made.
+    pub(super) fn fates(&mut self) -> impl Iterator<Item = (Fate, Option<&mut ContactConstraint>)> {
         self.parts.iter_mut().flat_map(|Part { fates, made }| {
             let mut made = made.iter_mut();
-            fates.iter().map(move |fate| match fate {
-                Fate::Unwatched => Choice::Unwatched,
-                Fate::Watched => Choice::Watched,
-                Fate::Made => made.next().map_or(Choice::Dropped, Choice::Made),
-                Fate::Dropped => Choice::Dropped,
-            })
+            fates.iter().map(move |&fate| (fate, if matches!(fate, Fate::Made) { made.next() } else { None }))
         })
     }
 }

@@ -81,17 +81,18 @@ impl Guard {
 
     /// Brings the trees of all meshes up to date.
     fn follow_all(&mut self, team: &dyn Team, particles: &Particles) {
-        let follow = |mesh: &mut Mesh, parallel: &dyn Team| {
+        let is_shared = |mesh: &&mut Mesh| mesh.stale && mesh.is_large();
+        let others = self.meshes.iter_mut().filter(|mesh| !is_shared(mesh));
+        team.run_tasks(others, usize::MAX, |mesh| {
             if mesh.stale {
-                mesh.follow_ways(&parallel, particles);
+                mesh.follow_ways(&Sequential, particles);
             } else {
                 mesh.tree.update_reaches(&mesh.reaches);
             }
-        };
-        let is_large = |mesh: &&mut Mesh| mesh.topology.triangles().len() >= LEAST_SHARE;
-        let small = self.meshes.iter_mut().filter(|mesh| !is_large(mesh));
-        team.run_tasks(small, usize::MAX, |mesh| follow(mesh, &Sequential));
-        self.meshes.iter_mut().filter(is_large).for_each(|mesh| follow(mesh, team));
+        });
+        for mesh in self.meshes.iter_mut().filter(is_shared) {
+            mesh.follow_ways(team, particles);
+        }
     }
 
     fn gather_shape(&mut self, particles: &Particles, scene: &Scene<'_, '_>, shape: &ActiveShape) {

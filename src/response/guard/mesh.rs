@@ -5,14 +5,14 @@ use std::sync::Arc;
 use bevy_ecs::{change_detection::Tick, prelude::*};
 use glam::{DMat3, DVec3, Vec3};
 
-use super::ways::turn_between;
+use super::{LEAST_SHARE, ways::turn_between};
 use crate::{
     kernel::{
         ccd::{SweepTree, SweptMesh, drift},
         exact::rigid_shape::{ShapeGeometry, boundary_triangle},
         mesh::{feature::Feature, topology::SurfaceTopology},
         pose::Pose,
-        simd::parallel::Parallel,
+        simd::parallel::{Sequential, Team},
     },
     response::{
         gather::Gatherer,
@@ -139,13 +139,19 @@ impl Mesh {
         SweptMesh { topology: &self.topology, start, end, drift: DVec3::ZERO, reach: 0.0 }
     }
 
+    /// Whether more than one thread pays off for it.
+    pub(super) fn is_large(&self) -> bool {
+        self.topology.triangles().len() >= LEAST_SHARE
+    }
+
     /// Updates the tree to the trajectories.
-    pub(super) fn follow_ways(&mut self, parallel: &impl Parallel, particles: &Particles) {
+    pub(super) fn follow_ways(&mut self, team: &dyn Team, particles: &Particles) {
+        let team = if self.is_large() { team } else { &Sequential };
         let mut tree = std::mem::take(&mut self.tree);
         let swept = self.swept(particles);
         let swept = SweptMesh { drift: drift(swept.start, swept.end), ..swept };
-        tree.update_with_reaches_on(parallel, &swept, &self.reaches);
-        tree.update_tree_on(parallel);
+        tree.update_with_reaches_on(&team, &swept, &self.reaches);
+        tree.update_tree_on(&team);
         self.tree = tree;
         self.stale = false;
     }

@@ -143,7 +143,7 @@ impl Guard {
                     && let Some(end) = &course.pushed
                 {
                     mesh.obstacle.end_at([&course.now.pose, end]);
-                    mesh.follow_ways(&team, particles);
+                    mesh.follow_ways(team, particles);
                     mesh.stale = true;
                 }
                 continue;
@@ -151,7 +151,7 @@ impl Guard {
             let own = first..first + mesh.topology.vertex_count();
             // A body without new impacts has the same solved positions as before.
             if particles.position[own.clone()] != solved[own] {
-                mesh.follow_ways(&team, particles);
+                mesh.follow_ways(team, particles);
                 mesh.stale = true;
             }
         }
@@ -379,7 +379,7 @@ impl Guard {
             }
             mesh.stale = (first..first + mesh.topology.vertex_count()).any(|particle| changed[particle]);
             if mesh.stale {
-                mesh.follow_ways(&team, particles);
+                mesh.follow_ways(team, particles);
                 mesh.stale = true;
             }
             // Unchanged triangles have been tested already.
