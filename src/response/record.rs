@@ -30,6 +30,12 @@ pub(super) fn edges_of(a: [u32; 3], edge_a: u8, b: [u32; 3], edge_b: u8) -> Feat
     Features::EdgeEdge([a0, a1, b0, b1])
 }
 
+/// The direction in which a contact pushes its first side. `None` if it has none.
+pub(super) fn normal_of(pair: &StoredPair, record: &CompactContact) -> Option<DVec3> {
+    let normal = -pair.frame_pose.transform_direction(record.normal.as_dvec3()).normalize_or_zero();
+    (normal != DVec3::ZERO).then_some(normal)
+}
+
 /// Distance that a cut-off part moves back per tick, in contact distances, unless the push-out speed limits it.
 const WAY_BACK: f64 = 4.0;
 

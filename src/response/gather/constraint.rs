@@ -15,7 +15,7 @@ use crate::{
         contact::{ContactConstraint, Features},
         particles::Particles,
         reaction::NO_REACTION,
-        record::{MoveBack, completed, detected_sum, edges_of, face_of, flat, untangling},
+        record::{MoveBack, completed, detected_sum, edges_of, face_of, flat, normal_of, untangling},
         scene::Scene,
     },
     surface::ContactSide,
@@ -113,12 +113,6 @@ impl Gatherer {
         }
         Some(ContactConstraint { parts: features, normal, distance, friction, reaction: NO_REACTION, recovers: false })
     }
-}
-
-/// The direction in which a contact pushes its first side. `None` if it has none.
-pub(super) fn normal_of(pair: &StoredPair, record: &CompactContact) -> Option<DVec3> {
-    let normal = -pair.frame_pose.transform_direction(record.normal.as_dvec3()).normalize_or_zero();
-    (normal != DVec3::ZERO).then_some(normal)
 }
 
 /// A contact with a rigid shape. The contact point on the shape moves with the shape.

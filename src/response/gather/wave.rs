@@ -1,12 +1,12 @@
 //! Constraints of many contacts at a time: which contacts may act, and what becomes of them, on all threads.
 
-use super::{Between, Gatherer, Side, Watch, constraint::normal_of};
+use super::{Between, Gatherer, Side, Watch};
 use crate::{
     kernel::{
         contact::CompactContact,
         simd::parallel::{Parallel, Team},
     },
-    response::{contact::ContactConstraint, particles::Particles, scene::Scene},
+    response::{contact::ContactConstraint, particles::Particles, record::normal_of, scene::Scene},
 };
 
 /// Contacts per task.

@@ -5,8 +5,8 @@ use std::sync::Arc;
 use bevy_ecs::prelude::*;
 
 use super::{
-    Guard, LEAST_SHARE,
-    mesh::{Kept, Mesh, MeshName, MeshPair, SURFACE, plane_under},
+    Guard,
+    mesh::{Kept, LEAST_SHARE, Mesh, MeshName, MeshPair, SURFACE, plane_under},
     ways::turn_between,
 };
 use crate::{

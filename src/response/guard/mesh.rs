@@ -5,7 +5,7 @@ use std::sync::Arc;
 use bevy_ecs::{change_detection::Tick, prelude::*};
 use glam::{DMat3, DVec3, Vec3};
 
-use super::{LEAST_SHARE, ways::turn_between};
+use super::ways::turn_between;
 use crate::{
     kernel::{
         ccd::{SweepTree, SweptMesh, drift},
@@ -22,6 +22,9 @@ use crate::{
     },
     surface::{FilterSide, SurfaceLayers, ThicknessList},
 };
+
+/// With fewer triangles than this in a mesh, or in all that move, more than one thread does not pay off.
+pub(super) const LEAST_SHARE: usize = 4096;
 
 /// Relative bound on the rounding of positions to f32 between ticks.
 pub(super) const ROUNDING: f64 = 1.0e-6;

@@ -44,9 +44,6 @@ use crate::{
 const PROJECTIONS: usize = 12;
 const LAST_ROUNDS: usize = 12;
 
-/// With fewer triangles than this in a mesh, or in all that move, more than one thread does not pay off.
-const LEAST_SHARE: usize = 4096;
-
 /// Terminates a list of particles.
 const NO_PARTICLE: u32 = u32::MAX;
 
