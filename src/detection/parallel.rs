@@ -1,4 +1,5 @@
-//! Distributes lists over Bevy's compute task pool, or over a team of its threads. Results are in the order of the list, for any number of threads.
+//! Distributes lists over Bevy's compute task pool, or over a team of its threads. Results are in the order of the list,
+//! for any number of threads.
 
 use std::{
     ops::Range,
@@ -11,7 +12,10 @@ use std::{
 use bevy_tasks::ComputeTaskPool;
 
 use crate::kernel::{
-    bvh::near_pairs::BoundedPairs, pair::FoundPairs, simd::parallel::Parallel, spheres::contacts::FoundSpheres,
+    bvh::near_pairs::BoundedPairs,
+    pair::FoundPairs,
+    simd::parallel::{Parallel, hand_out},
+    spheres::contacts::FoundSpheres,
 };
 
 /// Pairs per task: enough work to outweigh the overhead, and few enough to balance the load.
@@ -177,19 +181,9 @@ pub(super) fn fill_chunks<T: Sync, R: Send>(
 fn run_tasks<P: Send>(tasks: impl Iterator<Item = P> + Send, count: usize, threads: usize, work: impl Fn(P) + Sync) {
     let threads = available_threads(threads).min(count);
     if threads <= 1 {
-        for task in tasks {
-            work(task);
-        }
-        return;
+        return tasks.for_each(work);
     }
-    let tasks = Mutex::new(tasks);
-    let next = || tasks.lock().unwrap_or_else(PoisonError::into_inner).next();
-    let take_tasks = || {
-        while let Some(task) = next() {
-            work(task);
-        }
-    };
-    on_threads(threads, &take_tasks);
+    hand_out(tasks, work, |take_tasks| on_threads(threads, take_tasks));
 }
 
 /// Calls `work` once on each of this many threads. Not generic: a task of the pool is much code, a fifth of this library

@@ -78,6 +78,22 @@ pub fn share_all<T: Send, const N: usize>(team: &dyn Team, lists: [&mut [T]; N],
     });
 }
 
+/// Hands out tasks one after the other. `run` calls what it is given on each thread, which takes tasks until none is
+/// left.
+pub(crate) fn hand_out<P: Send>(
+    tasks: impl Iterator<Item = P> + Send,
+    work: impl Fn(P) + Sync,
+    run: impl FnOnce(&(dyn Fn() + Sync)),
+) {
+    let tasks = Mutex::new(tasks);
+    let next = || tasks.lock().unwrap_or_else(PoisonError::into_inner).next();
+    run(&|| {
+        while let Some(task) = next() {
+            work(task);
+        }
+    });
+}
+
 /// The threads of a team take one task after the other. They need not be woken, so all of them pay off.
 impl Parallel for &(dyn Team + '_) {
     fn threads(&self) -> usize {
@@ -88,13 +104,7 @@ impl Parallel for &(dyn Team + '_) {
         if self.size() <= 1 || tasks.size_hint().1.is_some_and(|most| most <= 1) {
             return tasks.for_each(work);
         }
-        let tasks = Mutex::new(tasks);
-        let next = || tasks.lock().unwrap_or_else(PoisonError::into_inner).next();
-        self.run(&|_| {
-            while let Some(task) = next() {
-                work(task);
-            }
-        });
+        hand_out(tasks, work, |take_tasks| self.run(&|_| take_tasks()));
     }
 }
 
