@@ -6,6 +6,7 @@
 mod constraint;
 mod driven;
 mod internal_edges;
+mod known;
 mod tangled;
 mod watch;
 mod wave;
@@ -13,12 +14,13 @@ mod wave;
 use std::sync::Arc;
 
 use bevy_ecs::{entity::EntityHashMap, prelude::*};
-use bevy_platform::collections::{HashMap, HashSet};
+use bevy_platform::collections::HashMap;
 use glam::{DVec3, Vec3};
 
 pub(super) use self::watch::Watch;
 use self::{
     driven::Driven,
+    known::KnownFeatures,
     watch::Unwatched,
     wave::{Fate, Wave},
 };
@@ -55,7 +57,7 @@ pub(super) struct Gatherer {
     bodies: EntityHashMap<usize>,
     anchors: Anchors,
     tick: u64,
-    known: HashSet<Features4>,
+    known: KnownFeatures,
     /// How far each particle would move in the tick if nothing pushed it, for contacts of bodies.
     ahead: Vec<Vec3>,
     wave: Wave,
@@ -73,9 +75,6 @@ pub(super) struct Gatherer {
     /// The numbers of the rigid bodies that shapes belong to.
     rigid_bodies: EntityHashMap<u32>,
 }
-
-/// The particles of a feature pair. The flag is `true` for two edges.
-type Features4 = (bool, [u32; 4]);
 
 /// One side of a pair, as the solver sees it.
 #[derive(Clone, Copy)]
@@ -251,7 +250,7 @@ impl Gatherer {
         record: &CompactContact,
         constraint: &mut ContactConstraint,
     ) {
-        if !self.is_new(&constraint.parts) {
+        if !self.known.is_new(&constraint.parts) {
             return;
         }
         let entities = [pair.a.entity(), pair.b.entity()];
@@ -328,7 +327,7 @@ impl Gatherer {
             (Feature::Edge(edge_a), Feature::Edge(edge_b)) => edges_of(corners_a, edge_a, corners_b, edge_b),
             _ => return false,
         };
-        if !self.is_new(&named) {
+        if !self.known.is_new(&named) {
             return false;
         }
         let entries = weighted([corners_a, corners_b], found.barycentrics);
@@ -344,15 +343,6 @@ impl Gatherer {
         self.ask_reaction(&mut constraint, scene, [a.entity, b.entity], || point, solver);
         solver.contacts.push(&constraint, &solver.particles);
         true
-    }
-
-    /// Whether a feature pair has no constraint yet. Remembers it. Planes always count as new.
-    fn is_new(&mut self, features: &Features) -> bool {
-        match features {
-            Features::VertexFace(places) => self.known.insert((false, *places)),
-            Features::EdgeEdge(places) => self.known.insert((true, *places)),
-            Features::Plane { .. } => true,
-        }
     }
 
     /// The particle slots of a static or kinematic surface.
