@@ -6,7 +6,6 @@
 mod constraint;
 mod driven;
 mod internal_edges;
-mod known;
 mod tangled;
 mod watch;
 mod wave;
@@ -20,7 +19,6 @@ use glam::{DVec3, Vec3};
 pub(super) use self::watch::Watch;
 use self::{
     driven::Driven,
-    known::KnownFeatures,
     watch::Unwatched,
     wave::{Fate, Wave},
 };
@@ -30,6 +28,7 @@ use super::{
     contact::{ContactConstraint, Features},
     forces::{SurfaceForces, SurfaceWind},
     inside::Insides,
+    known::KnownFeatures,
     meeting::{MeetingCorners, MeetingTriangles},
     motion::Motions,
     particles::Particles,

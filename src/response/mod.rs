@@ -132,6 +132,7 @@ mod history;
 #[cfg(feature = "serde")]
 mod infinite;
 mod inside;
+mod known;
 mod margins;
 mod material;
 mod meeting;
