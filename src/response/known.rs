@@ -1,7 +1,7 @@
 //! The feature pairs that have a constraint in a tick.
 
 use super::contact::Features;
-use crate::kernel::xpbd::{FeatureParticles, coloring::NONE};
+use crate::kernel::xpbd::{FeatureKind, FeatureParticles, coloring::NONE};
 
 /// The most chains. Their ends take 4 MiB.
 const CHAINS: usize = 1 << 20;
@@ -20,8 +20,8 @@ pub(super) struct KnownFeatures {
 }
 
 struct Link {
+    kind: FeatureKind,
     particles: FeatureParticles,
-    are_edges: bool,
     /// The one before in the chain, or [`NONE`].
     before: u32,
 }
@@ -44,9 +44,9 @@ impl KnownFeatures {
 
     /// Remembers a feature pair. Returns whether it is new. Planes always are.
     pub(super) fn is_new(&mut self, features: &Features) -> bool {
-        let (&particles, are_edges) = match features {
-            Features::VertexFace(particles) => (particles, false),
-            Features::EdgeEdge(particles) => (particles, true),
+        let (kind, &particles) = match features {
+            Features::VertexFace(particles) => (FeatureKind::VertexFace, particles),
+            Features::EdgeEdge(particles) => (FeatureKind::EdgeEdge, particles),
             Features::Plane { .. } => return true,
         };
         let Self { last, links } = self;
@@ -57,13 +57,13 @@ impl KnownFeatures {
         let before = last[chain];
         let mut at = before;
         while let Some(link) = links.get(at as usize) {
-            if (link.are_edges, link.particles) == (are_edges, particles) {
+            if (link.kind, link.particles) == (kind, particles) {
                 return false;
             }
             at = link.before;
         }
         last[chain] = links.len() as u32;
-        links.push(Link { particles, are_edges, before });
+        links.push(Link { kind, particles, before });
         true
     }
 }

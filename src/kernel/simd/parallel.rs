@@ -78,8 +78,8 @@ pub fn share_all<T: Send, const N: usize>(team: &dyn Team, lists: [&mut [T]; N],
     });
 }
 
-/// Hands out tasks one after the other. `run` calls what it is given on each thread, which takes tasks until none is
-/// left.
+/// Hands out tasks one after the other. `run` calls the closure that it gets on each thread; each call takes tasks until
+/// none is left.
 pub(crate) fn hand_out<P: Send>(
     tasks: impl Iterator<Item = P> + Send,
     work: impl Fn(P) + Sync,
